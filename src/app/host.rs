@@ -1,0 +1,122 @@
+//! The host program: options, settings, and two threads, one for the buses and one for the clients.
+
+use std::fmt::Display;
+use std::io::Write;
+use std::process::ExitCode;
+
+use embassy_executor::Executor;
+use static_cell::StaticCell;
+
+use super::options::{Action, Options, USAGE};
+use super::{bus_task, front_task, line_settings, master, mode, watch_task};
+use crate::front::Gateway;
+use crate::port::host::{Doors, LineSpec};
+use crate::port::{Line, Place, limits};
+use crate::settings::{Bus, Settings};
+
+/// Runs the gateway; comes back only where it does not start, or where it was asked for less.
+pub fn main() -> ExitCode {
+    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("info")).init();
+    let options = match Options::parse(lexopt::Parser::from_env()) {
+        Ok(options) => options,
+        Err(error) => return fail(format_args!("{error}; --help lists the options")),
+    };
+    match options.action {
+        Action::Help => return print(USAGE),
+        Action::Version => return print(concat!("puente ", env!("CARGO_PKG_VERSION"), "\n")),
+        Action::Run | Action::Check | Action::Print => {}
+    }
+    let (settings, lines) = match load(&options) {
+        Ok(loaded) => loaded,
+        Err(error) => return fail(error),
+    };
+    match options.action {
+        Action::Check => print("ok the settings are valid\n"),
+        Action::Print => match toml::to_string(&settings) {
+            Ok(text) => print(&text),
+            Err(error) => fail(error),
+        },
+        _ => run(settings, lines),
+    }
+}
+
+fn print(text: &str) -> ExitCode {
+    match std::io::stdout().write_all(text.as_bytes()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(_) => ExitCode::FAILURE,
+    }
+}
+
+fn fail(error: impl Display) -> ExitCode {
+    eprintln!("error: {error}");
+    ExitCode::FAILURE
+}
+
+/// The settings in force, and the line of each bus; nothing is opened yet.
+fn load(options: &Options) -> Result<(Settings, Vec<LineSpec>), String> {
+    let (mut settings, place) = match &options.config {
+        None => (Settings::factory("sim"), String::new()),
+        Some(path) => {
+            let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
+            let settings = toml::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?;
+            (settings, format!("{}: ", path.display()))
+        }
+    };
+    settings.net.bind = options.bind.unwrap_or(settings.net.bind);
+    settings.net.port = options.port.unwrap_or(settings.net.port);
+    settings.net.modbus_port = options.modbus_port.unwrap_or(settings.net.modbus_port);
+    settings.check().map_err(|problem| format!("{place}{problem}"))?;
+    let line = |bus| {
+        LineSpec::parse(&bus.port, line_settings(bus), || simulated(&settings, bus))
+            .map_err(|error| format!("{place}[[bus]] \"{}\" port: {error}", bus.name))
+    };
+    let lines = settings.buses.iter().map(line).collect::<Result<_, _>>()?;
+    Ok((settings, lines))
+}
+
+/// The cell behind a simulated bus: a drive for each of its axes.
+fn simulated(settings: &Settings, bus: &Bus) -> puente_cell::Config {
+    let addresses = settings.axes.iter().filter(|axis| axis.bus == bus.name).map(|axis| axis.address);
+    puente_cell::Config::edb(line_settings(bus), mode(bus), addresses)
+}
+
+fn run(settings: Settings, lines: Vec<LineSpec>) -> ExitCode {
+    let doors = match Doors::open(settings.net.bind, settings.net.port, settings.net.modbus_port) {
+        Ok(doors) => doors,
+        Err(error) => return fail(error),
+    };
+    let (main, modbus) = match doors.addresses() {
+        Ok(addresses) => addresses,
+        Err(error) => return fail(error),
+    };
+    let gateway = super::build(settings);
+    std::thread::spawn(move || buses(gateway, lines));
+    if print(&format!("ready http://{main} modbus-tcp://{modbus}\n")) == ExitCode::FAILURE {
+        return fail("standard output is closed");
+    }
+    clients(gateway, doors)
+}
+
+/// The thread of the buses, so that no client delays them.
+fn buses(gateway: &'static Gateway, lines: Vec<LineSpec>) -> ! {
+    static EXECUTOR: StaticCell<Executor> = StaticCell::new();
+    EXECUTOR.init(Executor::new()).run(|spawner| {
+        for ((index, spec), bus) in (0..).zip(lines).zip(&gateway.settings.buses) {
+            spawner.spawn(bus_task(gateway.desk, index, Line::new(spec), master(bus)).expect("one task a bus"));
+        }
+        for (axis, _) in gateway.axes.iter() {
+            spawner.spawn(watch_task(gateway, axis).expect("one task an axis"));
+        }
+    })
+}
+
+/// The thread of the clients.
+fn clients(gateway: &'static Gateway, doors: Doors) -> ! {
+    static EXECUTOR: StaticCell<Executor> = StaticCell::new();
+    let places = usize::from(gateway.settings.net.clients) + limits::SLOTS - limits::CLIENTS;
+    EXECUTOR.init(Executor::new()).run(|spawner| {
+        for seat in 0..places.min(limits::SLOTS) {
+            spawner.spawn(front_task(gateway, seat as u8, Place(doors.clone())).expect("one task a place"));
+        }
+    })
+}

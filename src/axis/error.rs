@@ -1,0 +1,87 @@
+//! Why a command of an axis was refused or failed.
+
+use core::fmt;
+
+use puente_drives::edb;
+use puente_modbus::Exception;
+
+use crate::desk::{Failure, Leased};
+
+/// Why a command of an axis was refused or failed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AxisError {
+    /// No axis has this name.
+    UnknownAxis,
+    /// Another client commands the axis.
+    Leased(Leased),
+    /// The servo is not enabled.
+    NotEnabled,
+    /// The drive shows an alarm, by its number.
+    Alarm(u16),
+    /// A value out of range.
+    Range {
+        /// What was asked for.
+        value: i32,
+        /// Lowest value allowed.
+        min: i32,
+        /// Highest value allowed.
+        max: i32,
+    },
+    /// The bus gave no reply.
+    Failure(Failure),
+    /// The drive refused with a Modbus exception, by its code.
+    Exception(u8),
+}
+
+impl AxisError {
+    /// The word that programs go by.
+    pub const fn code(&self) -> &'static str {
+        match self {
+            AxisError::UnknownAxis => "unknown-axis",
+            AxisError::Leased(Leased::By(..)) => "leased",
+            AxisError::Leased(Leased::Standstill(_)) => "standstill",
+            AxisError::NotEnabled => "not-enabled",
+            AxisError::Alarm(_) => "alarm",
+            AxisError::Range { .. } => "range",
+            AxisError::Failure(Failure::NotSent(_)) => "not-sent",
+            AxisError::Failure(Failure::NoReply(_)) => "no-reply",
+            AxisError::Exception(_) => "exception",
+        }
+    }
+}
+
+impl fmt::Display for AxisError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            AxisError::UnknownAxis => f.write_str("no axis has this name; 'axis' lists them"),
+            AxisError::Leased(Leased::By(holder, left)) => {
+                write!(f, "{holder} commands this axis, for {} ms unless it goes on; stop is allowed", left.as_millis())
+            }
+            AxisError::Leased(Leased::Standstill(left)) => {
+                write!(f, "somebody else stopped this axis; give no motion command for {} ms", left.as_millis())
+            }
+            AxisError::NotEnabled => f.write_str("the servo is off; enable the axis first"),
+            AxisError::Alarm(number) => {
+                write!(f, "alarm {number}: {}; clear it first", edb::alarm_name(*number).unwrap_or("undefined"))
+            }
+            AxisError::Range { value, min, max } => write!(f, "{value} is out of range {min} to {max}"),
+            AxisError::Failure(failure) => failure.fmt(f),
+            AxisError::Exception(code) => match Exception::from_code(*code) {
+                Some(exception) => write!(f, "the drive answered exception {code:02X}: {exception}"),
+                None => write!(f, "the drive answered exception {code:02X}"),
+            },
+        }
+    }
+}
+
+impl From<Leased> for AxisError {
+    fn from(leased: Leased) -> Self {
+        AxisError::Leased(leased)
+    }
+}
+
+impl From<Failure> for AxisError {
+    fn from(failure: Failure) -> Self {
+        AxisError::Failure(failure)
+    }
+}

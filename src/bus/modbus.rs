@@ -1,0 +1,71 @@
+//! The pump of a Modbus serial line, RTU or ASCII.
+
+use embassy_futures::select::{Either3, select3};
+use embassy_time::Timer;
+use embedded_io_async::{Error, ErrorKind};
+use puente_modbus::{Action, Master};
+
+use super::{End, Next, Ticket, Work};
+use crate::clock;
+use crate::port::SerialLine;
+
+/// Keeps a dead port from being asked in a tight loop.
+const RETRY: embassy_time::Duration = embassy_time::Duration::from_millis(100);
+
+/// Moves jobs from `work` over `line`, for ever.
+pub async fn pump(line: &mut impl SerialLine, mut master: Master, work: &impl Work) -> ! {
+    let mut buffer = [0; 256];
+    let mut current: Option<Ticket> = None;
+    loop {
+        let now = clock::now();
+        match master.poll(now) {
+            Action::Transmit(frame) => {
+                let written = async { line.write_all(frame).await.is_ok() && line.flush().await.is_ok() };
+                if !written.await {
+                    master.reset(clock::now());
+                    finish(work, &mut current, End::LineDown);
+                    Timer::after(RETRY).await;
+                }
+                continue;
+            }
+            Action::Done(outcome) => {
+                finish(work, &mut current, End::Master(outcome));
+                work.counted(master.counters());
+                continue;
+            }
+            Action::Idle => {}
+        }
+        let mut wake = master.poll_at();
+        if current.is_none() {
+            match work.next(now, |unit| master.ready_at(unit)) {
+                Next::Job(job) => {
+                    // The master is idle here, so it cannot refuse.
+                    if master.submit(job.unit, &job.pdu).is_ok() {
+                        current = Some(job.ticket);
+                    } else {
+                        work.finish(now, job.ticket, End::LineDown);
+                    }
+                    continue;
+                }
+                Next::Wait(at) => wake = [wake, at].into_iter().flatten().min(),
+            }
+        }
+        match select3(line.read(&mut buffer), clock::at(wake), work.changed()).await {
+            Either3::First(Ok(n)) if n > 0 => master.receive(clock::now(), buffer.get(..n).unwrap_or_default()),
+            Either3::First(read) => {
+                master.line_error(clock::now());
+                // A spoilt character is over; a port that is gone takes its time.
+                if !matches!(read, Err(error) if error.kind() == ErrorKind::InvalidData) {
+                    Timer::after(RETRY).await;
+                }
+            }
+            Either3::Second(()) | Either3::Third(()) => {}
+        }
+    }
+}
+
+fn finish(work: &impl Work, current: &mut Option<Ticket>, end: End<'_>) {
+    if let Some(ticket) = current.take() {
+        work.finish(clock::now(), ticket, end);
+    }
+}

@@ -1,0 +1,220 @@
+//! Between the clients and the buses: bounded queues, fair order, deadlines, the circuit breaker of each slave and the
+//! commander's lease.
+//!
+//! A client's request is [`submit`](Desk::submit)ted and becomes a [`Pending`] that resolves to an [`Answer`]. Nothing
+//! is queued without bound, nothing is sent twice, and what is dropped before it was sent never is.
+
+mod breaker;
+mod lease;
+mod pending;
+mod queue;
+mod route;
+mod statistics;
+
+use core::cell::RefCell;
+use core::fmt;
+
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
+use heapless::Vec;
+use puente_line::{Duration, Instant};
+use puente_modbus::{Evidence, Pdu};
+
+pub use lease::{Cause, Event, Holder, Leased, Permit};
+pub use pending::Pending;
+pub use queue::BusQueue;
+pub use route::Units;
+pub use statistics::{BUCKETS_MS, Statistics};
+
+use crate::port::limits::{AXES, BUSES, TICKETS};
+
+/// The result of a request: the reply PDU (exceptions of the slave included; empty after a broadcast), or why there
+/// is none.
+pub type Answer = Result<Pdu, Failure>;
+
+/// Why a request has no reply. The two cases differ in what the drive may have done.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Failure {
+    /// The request never was on the wire.
+    NotSent(Reason),
+    /// The request was sent once, and no usable reply came. A write may or may not have been executed.
+    NoReply(Evidence),
+}
+
+/// Why a request was not sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reason {
+    /// No bus serves this unit id.
+    Unmapped,
+    /// Too many requests wait already.
+    QueueFull,
+    /// It waited too long for its turn.
+    Expired,
+    /// The slave has not answered lately; it is asked again after this time.
+    Resting(Duration),
+    /// A stop, or the end of the lease, came first.
+    Stopped,
+    /// The port of the bus failed.
+    LineDown,
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Failure::NotSent(reason) => write!(f, "not sent: {reason}"),
+            Failure::NoReply(evidence) => write!(f, "sent, no reply: {evidence}"),
+        }
+    }
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Reason::Unmapped => f.write_str("no bus serves this unit"),
+            Reason::QueueFull => f.write_str("too many requests are waiting"),
+            Reason::Expired => f.write_str("it waited too long for its turn on the bus"),
+            Reason::Resting(left) => {
+                write!(f, "the slave did not answer lately and is tried again in {} ms", left.as_millis())
+            }
+            Reason::Stopped => f.write_str("a stop or the end of the lease came first"),
+            Reason::LineDown => f.write_str("the port of the bus failed"),
+        }
+    }
+}
+
+/// What a request may do, which decides its place in the queue and what can revoke it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Class {
+    /// Stops or disables a drive: goes first, past every rest, and cannot be revoked.
+    Stop,
+    /// Acts on an axis: is dropped when its permit has been revoked before it was sent.
+    Guarded(Permit),
+    /// Asks whether a slave is there: goes to resting slaves too.
+    Probe,
+    /// Anything else.
+    Free,
+}
+
+/// A request for a bus.
+pub struct Order {
+    /// The client's place, for a fair order.
+    pub seat: u8,
+    /// Index of the bus.
+    pub bus: u8,
+    /// Modbus address, 0 for a broadcast.
+    pub unit: u8,
+    /// What it may do.
+    pub class: Class,
+    /// Function code and data.
+    pub pdu: Pdu,
+}
+
+/// What the desk has to know of a bus.
+#[derive(Clone, Debug)]
+pub struct BusSpec {
+    /// Unit ids that Modbus clients reach on this bus.
+    pub units: Units,
+    /// How long a request may wait for its turn.
+    pub queue_timeout: Duration,
+    /// How long a slave has for its reply.
+    pub reply_timeout: Duration,
+}
+
+struct Bus {
+    spec: BusSpec,
+    breaker: breaker::Breaker,
+    statistics: Statistics,
+    last_seat: u8,
+}
+
+struct State {
+    queue: queue::Queue,
+    buses: Vec<Bus, BUSES>,
+    leases: [lease::AxisLease; AXES],
+}
+
+/// The desk. One for the whole gateway, shared by every task.
+pub struct Desk {
+    state: Mutex<CriticalSectionRawMutex, RefCell<State>>,
+    work: [Signal<CriticalSectionRawMutex, ()>; BUSES],
+    leases_changed: [Signal<CriticalSectionRawMutex, ()>; AXES],
+    lease_time: Duration,
+}
+
+impl Desk {
+    /// A desk for these buses; at most [`BUSES`] count. `lease_time` is how long a silent commander keeps its axes.
+    pub fn new(specs: impl IntoIterator<Item = BusSpec>, lease_time: Duration) -> Self {
+        let buses = specs
+            .into_iter()
+            .take(BUSES)
+            .map(|spec| Bus {
+                breaker: breaker::Breaker::new(spec.reply_timeout),
+                spec,
+                statistics: Statistics::default(),
+                last_seat: 0,
+            })
+            .collect();
+        Self {
+            state: Mutex::new(RefCell::new(State {
+                queue: queue::Queue::new(),
+                buses,
+                leases: [const { lease::AxisLease::new() }; AXES],
+            })),
+            work: [const { Signal::new() }; BUSES],
+            leases_changed: [const { Signal::new() }; AXES],
+            lease_time,
+        }
+    }
+
+    fn with<R>(&self, f: impl FnOnce(&mut State) -> R) -> R {
+        self.state.lock(|state| f(&mut state.borrow_mut()))
+    }
+
+    /// The bus that serves a unit id from 1 to 255.
+    pub fn route(&self, unit: u8) -> Option<u8> {
+        self.with(|state| state.buses.iter().position(|bus| bus.spec.units.contains(unit))).map(|i| i as u8)
+    }
+
+    /// How many buses there are.
+    pub fn buses(&self) -> u8 {
+        self.with(|state| state.buses.len() as u8)
+    }
+
+    /// What was counted on a bus.
+    pub fn statistics(&self, bus: u8) -> Option<Statistics> {
+        self.with(|state| {
+            let waiting = state.queue.waiting(bus);
+            let bus = state.buses.get(usize::from(bus))?;
+            Some(Statistics { waiting, resting: bus.breaker.resting(), ..bus.statistics.clone() })
+        })
+    }
+
+    /// Places of the queue that are in use, and how many there are.
+    pub fn tickets(&self) -> (usize, usize) {
+        (self.with(|state| state.queue.used()), TICKETS)
+    }
+
+    /// Queues a request. It is answered, or dropped, within the bus's queue time-out plus one transaction.
+    pub fn submit(&self, now: Instant, order: Order) -> Result<Pending<'_>, Failure> {
+        let bus = usize::from(order.bus);
+        let ticket = self.with(|state| {
+            let found = state.buses.get_mut(bus).ok_or(Reason::Unmapped)?;
+            let deadline = now + found.spec.queue_timeout;
+            let ticket = state.queue.insert(order, now, deadline);
+            found.statistics.submitted += 1;
+            if ticket.is_none() {
+                found.statistics.queue_full += 1;
+            }
+            ticket.ok_or(Reason::QueueFull)
+        });
+        let ticket = ticket.map_err(Failure::NotSent)?;
+        if let Some(signal) = self.work.get(bus) {
+            signal.signal(());
+        }
+        Ok(Pending::new(self, ticket))
+    }
+}
+
+#[cfg(test)]
+mod tests;

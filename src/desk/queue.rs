@@ -1,0 +1,224 @@
+//! The bounded pool of requests, and the fair choice of the next one for a bus.
+
+use core::task::Waker;
+
+use embassy_sync::waitqueue::WakerRegistration;
+use puente_line::Instant;
+use puente_modbus::{Outcome, Pdu};
+
+use super::{Answer, Class, Desk, Failure, Order, Reason};
+use crate::bus::{End, Job, Next, Ticket, Work};
+use crate::port::limits::{PIPELINE, TICKETS};
+
+/// Places that only a stop may take, so that there always is one.
+const STOP_RESERVE: usize = 4;
+
+enum Phase {
+    Free,
+    Queued,
+    OnWire,
+    /// On the wire, and nobody waits for it any more.
+    Abandoned,
+    Answered(Result<(), Failure>),
+}
+
+struct Entry {
+    phase: Phase,
+    order: Order,
+    /// Order of arrival.
+    serial: u32,
+    arrived: Instant,
+    deadline: Instant,
+    waker: WakerRegistration,
+}
+
+impl Entry {
+    const fn free() -> Self {
+        Self {
+            phase: Phase::Free,
+            order: Order { seat: 0, bus: 0, unit: 0, class: Class::Free, pdu: Pdu::new() },
+            serial: 0,
+            arrived: Instant::ZERO,
+            deadline: Instant::ZERO,
+            waker: WakerRegistration::new(),
+        }
+    }
+
+    fn answer(&mut self, result: Result<(), Failure>) {
+        self.phase = match self.phase {
+            Phase::Abandoned => Phase::Free,
+            _ => Phase::Answered(result),
+        };
+        self.waker.wake();
+    }
+}
+
+pub(super) struct Queue {
+    entries: [Entry; TICKETS],
+    serial: u32,
+}
+
+impl Queue {
+    pub(super) const fn new() -> Self {
+        Self { entries: [const { Entry::free() }; TICKETS], serial: 0 }
+    }
+
+    pub(super) fn used(&self) -> usize {
+        self.entries.iter().filter(|entry| !matches!(entry.phase, Phase::Free)).count()
+    }
+
+    pub(super) fn waiting(&self, bus: u8) -> usize {
+        self.entries.iter().filter(|e| matches!(e.phase, Phase::Queued) && e.order.bus == bus).count()
+    }
+
+    /// Takes a request in, or none where the pool or this client's share of it is full.
+    pub(super) fn insert(&mut self, order: Order, arrived: Instant, deadline: Instant) -> Option<Ticket> {
+        if order.class != Class::Stop {
+            let of_seat = |e: &&Entry| !matches!(e.phase, Phase::Free) && e.order.seat == order.seat;
+            if self.entries.iter().filter(of_seat).count() >= PIPELINE || self.used() + STOP_RESERVE >= TICKETS {
+                return None;
+            }
+        }
+        let index = self.entries.iter().position(|entry| matches!(entry.phase, Phase::Free))?;
+        let entry = self.entries.get_mut(index)?;
+        self.serial = self.serial.wrapping_add(1);
+        let serial = self.serial;
+        *entry =
+            Entry { phase: Phase::Queued, order, serial, arrived, deadline, waker: WakerRegistration::new() };
+        Some(Ticket(index as u16))
+    }
+
+    /// The answer, where there is one; else `waker` is woken when there is.
+    pub(super) fn collect(&mut self, ticket: Ticket, waker: &Waker) -> Option<Answer> {
+        let entry = self.entries.get_mut(usize::from(ticket.0))?;
+        let Phase::Answered(result) = &entry.phase else {
+            entry.waker.register(waker);
+            return None;
+        };
+        let answer = result.map(|()| entry.order.pdu.clone());
+        entry.phase = Phase::Free;
+        Some(answer)
+    }
+
+    /// Nobody waits for this request any more.
+    pub(super) fn give_up(&mut self, ticket: Ticket) {
+        if let Some(entry) = self.entries.get_mut(usize::from(ticket.0)) {
+            entry.phase = match entry.phase {
+                Phase::OnWire | Phase::Abandoned => Phase::Abandoned,
+                Phase::Free | Phase::Queued | Phase::Answered(_) => Phase::Free,
+            };
+        }
+    }
+}
+
+/// How many seats `seat` comes after the one served last: the lower, the sooner its turn.
+fn distance(seat: u8, last: u8) -> u8 {
+    seat.wrapping_sub(last).wrapping_sub(1)
+}
+
+/// The desk as one bus sees it.
+pub struct BusQueue<'d> {
+    /// The desk.
+    pub desk: &'d Desk,
+    /// Index of the bus.
+    pub bus: u8,
+}
+
+impl Work for BusQueue<'_> {
+    fn next(&self, now: Instant, ready_at: impl Fn(u8) -> Instant) -> Next {
+        self.desk.with(|state| {
+            let Some(bus) = state.buses.get_mut(usize::from(self.bus)) else {
+                return Next::Wait(None);
+            };
+            let mut wake: Option<Instant> = None;
+            let mut best: Option<((bool, u8, u32), usize)> = None;
+            for (index, entry) in state.queue.entries.iter_mut().enumerate() {
+                if !matches!(entry.phase, Phase::Queued) || entry.order.bus != self.bus {
+                    continue;
+                }
+                let refusal = match entry.order.class {
+                    _ if entry.deadline <= now => Some(Reason::Expired),
+                    Class::Stop | Class::Probe => None,
+                    Class::Guarded(permit) if !permit.valid(&state.leases, now) => Some(Reason::Stopped),
+                    Class::Guarded(_) | Class::Free => {
+                        bus.breaker.rest(entry.order.unit, now).map(Reason::Resting)
+                    }
+                };
+                if let Some(reason) = refusal {
+                    bus.statistics.not_sent(reason);
+                    entry.answer(Err(Failure::NotSent(reason)));
+                    continue;
+                }
+                let ready = ready_at(entry.order.unit);
+                if ready > now {
+                    let moment = ready.min(entry.deadline);
+                    wake = Some(wake.map_or(moment, |wake| wake.min(moment)));
+                    continue;
+                }
+                let rank =
+                    (entry.order.class != Class::Stop, distance(entry.order.seat, bus.last_seat), entry.serial);
+                if best.is_none_or(|(other, _)| rank < other) {
+                    best = Some((rank, index));
+                }
+            }
+            let Some((index, entry)) = best.and_then(|(_, i)| Some((i, state.queue.entries.get_mut(i)?))) else {
+                return Next::Wait(wake);
+            };
+            entry.phase = Phase::OnWire;
+            if entry.order.class != Class::Stop {
+                bus.last_seat = entry.order.seat;
+            }
+            Next::Job(Job { ticket: Ticket(index as u16), unit: entry.order.unit, pdu: entry.order.pdu.clone() })
+        })
+    }
+
+    async fn changed(&self) {
+        match self.desk.work.get(usize::from(self.bus)) {
+            Some(signal) => signal.wait().await,
+            None => core::future::pending().await,
+        }
+    }
+
+    fn finish(&self, now: Instant, ticket: Ticket, end: End<'_>) {
+        self.desk.with(|state| {
+            let bus = state.buses.get_mut(usize::from(self.bus));
+            let entry = state.queue.entries.get_mut(usize::from(ticket.0));
+            let (Some(bus), Some(entry)) = (bus, entry) else {
+                return;
+            };
+            let result = match end {
+                End::Master(Outcome::Reply(reply)) => {
+                    bus.breaker.answered(entry.order.unit);
+                    bus.statistics.answered(now.since(entry.arrived), reply);
+                    entry.order.pdu.clear();
+                    // A reply PDU is at most MAX_PDU bytes: the master bounds it.
+                    let _ = entry.order.pdu.extend_from_slice(reply);
+                    Ok(())
+                }
+                End::Master(Outcome::Broadcast) => {
+                    bus.statistics.broadcasts += 1;
+                    entry.order.pdu.clear();
+                    Ok(())
+                }
+                End::Master(Outcome::NoReply(evidence)) => {
+                    bus.breaker.missed(entry.order.unit, now);
+                    bus.statistics.no_reply += 1;
+                    Err(Failure::NoReply(evidence))
+                }
+                End::LineDown => {
+                    bus.statistics.no_reply += 1;
+                    Err(Failure::NoReply(puente_modbus::Evidence::Line))
+                }
+            };
+            entry.answer(result);
+        });
+    }
+
+    fn counted(&self, counters: puente_modbus::Counters) {
+        self.desk.with(|state| {
+            if let Some(bus) = state.buses.get_mut(usize::from(self.bus)) {
+                bus.statistics.line = counters;
+            }
+        });
+    }
+}

@@ -1,0 +1,65 @@
+//! What is counted on each bus.
+
+use puente_line::Duration;
+use puente_modbus::Counters;
+
+use super::Reason;
+
+/// Upper bounds of the latency histogram, in ms; one more bucket takes the rest.
+pub const BUCKETS_MS: [u32; 9] = [5, 10, 20, 50, 100, 200, 500, 1000, 2000];
+
+/// Counts since start-up.
+#[derive(Clone, Debug, Default)]
+pub struct Statistics {
+    /// Requests that clients handed in.
+    pub submitted: u32,
+    /// Requests with a reply, exceptions included.
+    pub confirmed: u32,
+    /// Replies that were exceptions.
+    pub exceptions: u32,
+    /// Broadcasts sent.
+    pub broadcasts: u32,
+    /// Requests sent without a usable reply.
+    pub no_reply: u32,
+    /// Requests not sent: they waited too long.
+    pub expired: u32,
+    /// Requests not sent: the slave was resting.
+    pub rested: u32,
+    /// Requests not sent: a stop came first.
+    pub stopped: u32,
+    /// Requests refused: the queue was full.
+    pub queue_full: u32,
+    /// Requests waiting now.
+    pub waiting: usize,
+    /// Slaves out of order now.
+    pub resting: usize,
+    /// Sum of the latencies of all confirmed requests, from queueing to reply, in µs.
+    pub latency_sum_us: u64,
+    /// Confirmed requests by latency, see [`BUCKETS_MS`].
+    pub latency: [u32; BUCKETS_MS.len() + 1],
+    /// What the master counted on the line.
+    pub line: Counters,
+}
+
+impl Statistics {
+    pub(super) fn answered(&mut self, latency: Duration, reply: &[u8]) {
+        self.confirmed += 1;
+        if reply.first().is_some_and(|function| function & 0x80 != 0) {
+            self.exceptions += 1;
+        }
+        self.latency_sum_us += latency.as_micros() as u64;
+        let bucket = BUCKETS_MS.iter().position(|ms| latency.as_millis() <= u128::from(*ms));
+        if let Some(count) = self.latency.get_mut(bucket.unwrap_or(BUCKETS_MS.len())) {
+            *count += 1;
+        }
+    }
+
+    pub(super) fn not_sent(&mut self, reason: Reason) {
+        match reason {
+            Reason::Expired => self.expired += 1,
+            Reason::Resting(_) => self.rested += 1,
+            Reason::Stopped => self.stopped += 1,
+            Reason::Unmapped | Reason::QueueFull | Reason::LineDown => {}
+        }
+    }
+}

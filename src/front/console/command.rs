@@ -1,0 +1,205 @@
+//! Console commands, from text.
+
+use core::fmt;
+
+use puente_drives::edb::Parameter;
+
+/// A command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Command<'a> {
+    Help,
+    Feed,
+    Axes,
+    Buses,
+    Axis(&'a str, AxisCommand),
+    Bus(&'a str, BusCommand),
+}
+
+/// What an axis is to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum AxisCommand {
+    Status,
+    Enable,
+    Disable,
+    Stop,
+    Alarm,
+    Clear,
+    /// In r/min.
+    Jog(i32),
+    Get(Parameter),
+    Set(Parameter, u16),
+}
+
+/// What a bus is to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum BusCommand {
+    Status,
+    /// First and last unit.
+    Scan((u8, u8)),
+}
+
+/// What is wrong with a line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Mistake<'a> {
+    /// It is no text.
+    Text,
+    /// No such command.
+    Unknown(&'a str),
+    /// The command looks otherwise.
+    Usage(&'static str),
+    /// No parameter.
+    Parameter(&'a str),
+    /// No number, or none that is allowed here.
+    Number(&'a str),
+    /// A dialect that this version does not speak.
+    Unsupported(&'static str),
+}
+
+impl fmt::Display for Mistake<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Mistake::Text => f.write_str("the line has characters that are no printable ASCII"),
+            Mistake::Unknown(word) => write!(f, "'{}' is no command; try 'help'", Shown(word)),
+            Mistake::Usage(usage) => write!(f, "expected: {usage}"),
+            Mistake::Parameter(word) => write!(f, "'{}' is no parameter; write Pn and a number, as in Pn037", Shown(word)),
+            Mistake::Number(word) => write!(f, "'{}' is no number that is allowed here", Shown(word)),
+            Mistake::Unsupported(dialect) => write!(f, "{dialect} is not spoken by this version"),
+        }
+    }
+}
+
+/// The beginning of a word, enough to recognise it.
+struct Shown<'a>(&'a str);
+
+impl fmt::Display for Shown<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0.get(..32) {
+            Some(beginning) => write!(f, "{beginning}..."),
+            None => f.write_str(self.0),
+        }
+    }
+}
+
+impl Command<'_> {
+    /// Whether it stops an axis, which everyone may at any time.
+    pub(super) fn stops(&self) -> bool {
+        matches!(self, Command::Axis(_, AxisCommand::Stop | AxisCommand::Disable | AxisCommand::Jog(0)))
+    }
+
+    /// Whether it moves an axis.
+    pub(super) fn moves(&self) -> bool {
+        matches!(self, Command::Axis(_, AxisCommand::Jog(rpm)) if *rpm != 0)
+    }
+}
+
+const AXIS: &str = "axis NAME status|enable|disable|stop|alarm|clear|jog RPM|get PnNNN|set PnNNN VALUE";
+const BUS: &str = "bus NAME status|scan FIRST-LAST";
+
+/// Reads a line that is not empty.
+pub(super) fn parse(line: &[u8]) -> Result<Command<'_>, Mistake<'_>> {
+    if !line.iter().all(|byte| byte.is_ascii_graphic() || matches!(byte, b' ' | b'\t')) {
+        return Err(Mistake::Text);
+    }
+    let text = core::str::from_utf8(line).map_err(|_| Mistake::Text)?;
+    let mut words = text.split_ascii_whitespace();
+    let first = words.next().unwrap_or_default();
+    let mut rest = [""; 4];
+    let count = rest.iter_mut().zip(words.by_ref()).map(|(place, word)| *place = word).count();
+    let rest = rest.get(..count).unwrap_or_default();
+    if first.starts_with(['[', '0', '1', '2', '3', '4', '5', '6', '7', '8', '9']) {
+        return Err(Mistake::Unsupported("CiA 309-3"));
+    }
+    if words.next().is_some() {
+        return Err(Mistake::Usage("at most 5 words; try 'help'"));
+    }
+    match (first, rest) {
+        ("help" | "?", []) => Ok(Command::Help),
+        ("feed", []) => Ok(Command::Feed),
+        ("axis", []) => Ok(Command::Axes),
+        ("bus", []) => Ok(Command::Buses),
+        ("axis", [name, rest @ ..]) => Ok(Command::Axis(name, axis(rest)?)),
+        ("bus", [name, rest @ ..]) => Ok(Command::Bus(name, bus(rest)?)),
+        ("help" | "?" | "feed", _) => Err(Mistake::Usage("this word alone")),
+        _ => Err(Mistake::Unknown(first)),
+    }
+}
+
+fn axis<'a>(words: &[&'a str]) -> Result<AxisCommand, Mistake<'a>> {
+    match words {
+        ["status"] => Ok(AxisCommand::Status),
+        ["enable"] => Ok(AxisCommand::Enable),
+        ["disable"] => Ok(AxisCommand::Disable),
+        ["stop"] => Ok(AxisCommand::Stop),
+        ["alarm"] => Ok(AxisCommand::Alarm),
+        ["clear"] => Ok(AxisCommand::Clear),
+        ["jog", rpm] => rpm.parse().map(AxisCommand::Jog).map_err(|_| Mistake::Number(rpm)),
+        ["get", name] => parameter(name).map(AxisCommand::Get),
+        ["set", name, value] => {
+            Ok(AxisCommand::Set(parameter(name)?, word(value).ok_or(Mistake::Number(value))?))
+        }
+        _ => Err(Mistake::Usage(AXIS)),
+    }
+}
+
+fn parameter(name: &str) -> Result<Parameter, Mistake<'_>> {
+    name.parse().map_err(|_| Mistake::Parameter(name))
+}
+
+/// A register's value: 0 to 65535, or -32768 to -1 as two's complement.
+fn word(text: &str) -> Option<u16> {
+    text.parse::<u16>().ok().or_else(|| text.parse::<i16>().ok().map(|value| value as u16))
+}
+
+fn bus<'a>(words: &[&'a str]) -> Result<BusCommand, Mistake<'a>> {
+    match words {
+        ["status"] => Ok(BusCommand::Status),
+        ["scan", range] => scan(range).map(BusCommand::Scan).ok_or(Mistake::Number(range)),
+        _ => Err(Mistake::Usage(BUS)),
+    }
+}
+
+/// Units 1 to 247, as in `1-16` or `7`.
+fn scan(range: &str) -> Option<(u8, u8)> {
+    let (first, last) = range.split_once('-').unwrap_or((range, range));
+    let (first, last) = (first.parse::<u8>().ok()?, last.parse::<u8>().ok()?);
+    (1 <= first && first <= last && last <= 247).then_some((first, last))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_are_read() {
+        let pn037 = "Pn037".parse().expect("parameter");
+        let cases: [(&[u8], Result<Command<'_>, Mistake<'_>>); 16] = [
+            (b"help", Ok(Command::Help)),
+            (b"axis", Ok(Command::Axes)),
+            (b"axis x jog -100", Ok(Command::Axis("x", AxisCommand::Jog(-100)))),
+            (b"axis  x\tget pn037", Ok(Command::Axis("x", AxisCommand::Get(pn037)))),
+            (b"axis x set Pn037 -1", Ok(Command::Axis("x", AxisCommand::Set(pn037, 0xFFFF)))),
+            (b"axis x set Pn037 65535", Ok(Command::Axis("x", AxisCommand::Set(pn037, 0xFFFF)))),
+            (b"axis x set Pn037 65536", Err(Mistake::Number("65536"))),
+            (b"axis x jog fast", Err(Mistake::Number("fast"))),
+            (b"axis x jog", Err(Mistake::Usage(AXIS))),
+            (b"bus a scan 1-16", Ok(Command::Bus("a", BusCommand::Scan((1, 16))))),
+            (b"bus a scan 9-3", Err(Mistake::Number("9-3"))),
+            (b"bus a scan 0", Err(Mistake::Number("0"))),
+            (b"go", Err(Mistake::Unknown("go"))),
+            (b"axis x set Pn037 1 2", Err(Mistake::Usage("at most 5 words; try 'help'"))),
+            (b"[1] 4 read 0x1017 0 i16", Err(Mistake::Unsupported("CiA 309-3"))),
+            (b"axis \xFF", Err(Mistake::Text)),
+        ];
+        for (line, expected) in cases {
+            assert_eq!(parse(line), expected, "{}", line.escape_ascii());
+        }
+    }
+
+    #[test]
+    fn what_stops_and_what_moves() {
+        let jog = |rpm| Command::Axis("x", AxisCommand::Jog(rpm));
+        assert!(jog(5).moves() && !jog(5).stops());
+        assert!(jog(0).stops() && !jog(0).moves());
+        assert!(Command::Axis("x", AxisCommand::Stop).stops());
+    }
+}

@@ -1,0 +1,210 @@
+//! Sockets to requests, replies to sockets. One listener; the first bytes decide the dialect.
+
+mod console;
+mod http;
+mod inbox;
+mod lines;
+mod modbus_ascii;
+mod modbus_tcp;
+mod sniff;
+
+use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
+
+use embassy_futures::select::{Either, select};
+use embassy_time::{Timer, with_timeout};
+use embedded_io_async::Write;
+use puente_line::Instant;
+
+use crate::axis::{Axes, Commander};
+use crate::clock;
+use crate::desk::{Desk, Holder};
+use crate::port::{Door, Listener, Peer, Socket};
+use crate::settings::Settings;
+use inbox::Inbox;
+use sniff::Dialect;
+
+/// A new client must say its first bytes within this time.
+const FIRST_BYTES: embassy_time::Duration = embassy_time::Duration::from_secs(10);
+/// A client over the limit may stay this long, to stop an axis.
+const STOP_VISIT: embassy_time::Duration = embassy_time::Duration::from_secs(2);
+/// A client that does not take its replies for so long is dropped.
+const SLOW_READER: embassy_time::Duration = embassy_time::Duration::from_secs(5);
+
+/// What every connection works with.
+pub struct Gateway {
+    /// The settings in force.
+    pub settings: Settings,
+    /// The desk.
+    pub desk: &'static Desk,
+    /// The axes.
+    pub axes: Axes,
+    /// When the gateway started.
+    pub started: Instant,
+    clients: AtomicUsize,
+    connections: AtomicU32,
+}
+
+impl Gateway {
+    /// A gateway with these settings, and with the axes that they name.
+    pub fn new(settings: Settings, desk: &'static Desk, axes: Axes) -> Self {
+        Self {
+            settings,
+            desk,
+            axes,
+            started: clock::now(),
+            clients: AtomicUsize::new(0),
+            connections: AtomicU32::new(0),
+        }
+    }
+
+    /// Connections open now, and accepted since the start.
+    pub fn clients(&self) -> (usize, u32) {
+        (self.clients.load(Ordering::Relaxed), self.connections.load(Ordering::Relaxed))
+    }
+}
+
+/// One connection.
+#[derive(Clone, Copy, Debug)]
+pub struct Guest {
+    /// Its place, for the fair order of requests.
+    pub seat: u8,
+    /// Its running number.
+    pub connection: u32,
+    /// Its address.
+    pub peer: Peer,
+    /// All places are taken: this one may only stop axes.
+    pub stop_only: bool,
+}
+
+impl Guest {
+    /// The guest as a commander in its own name.
+    pub fn commander(&self) -> Commander {
+        Commander { seat: self.seat, holder: Holder::Connection(self.connection) }
+    }
+}
+
+/// Counts a guest as long as it lives, and takes its leases back when it is gone, however that comes about.
+struct Visit<'g> {
+    gateway: &'g Gateway,
+    connection: u32,
+}
+
+impl Drop for Visit<'_> {
+    fn drop(&mut self) {
+        self.gateway.clients.fetch_sub(1, Ordering::Relaxed);
+        self.gateway.desk.leave(clock::now(), self.connection);
+    }
+}
+
+/// Serves one place, one client after the other, for ever.
+pub async fn serve(gateway: &'static Gateway, seat: u8, listener: &mut impl Listener) -> ! {
+    loop {
+        let mut socket = listener.accept().await;
+        let others = gateway.clients.fetch_add(1, Ordering::Relaxed);
+        // Never 0, so that a number names a connection for good.
+        let connection = gateway.connections.fetch_add(1, Ordering::Relaxed).wrapping_add(1);
+        let visit = Visit { gateway, connection };
+        let stop_only = others >= usize::from(gateway.settings.net.clients);
+        let guest = Guest { seat, connection, peer: socket.peer(), stop_only };
+        log::info!("client {connection}: {} connected", guest.peer);
+        let end = if stop_only {
+            match select(attend(gateway, guest, &mut socket), Timer::after(STOP_VISIT)).await {
+                Either::First(end) => end,
+                Either::Second(()) => End::Idle,
+            }
+        } else {
+            attend(gateway, guest, &mut socket).await
+        };
+        drop(visit);
+        log::info!("client {connection}: {}", end.text());
+        match end {
+            End::Closed | End::Idle | End::Refused => socket.close().await,
+            End::Broken | End::Slow => socket.abort(),
+        }
+    }
+}
+
+/// How a visit ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum End {
+    /// The client closed, and has all its replies.
+    Closed,
+    /// The connection broke.
+    Broken,
+    /// The client said nothing for too long.
+    Idle,
+    /// The client did not take its replies.
+    Slow,
+    /// What it said cannot be understood, nor where it ends.
+    Refused,
+}
+
+impl End {
+    const fn text(self) -> &'static str {
+        match self {
+            End::Closed => "closed",
+            End::Broken => "connection broken",
+            End::Idle => "let go, idle",
+            End::Slow => "dropped, takes no replies",
+            End::Refused => "refused, not understood",
+        }
+    }
+}
+
+async fn attend<S: Socket>(gateway: &'static Gateway, guest: Guest, socket: &mut S) -> End {
+    let door = socket.door();
+    let (reader, mut writer) = socket.split();
+    let mut inbox = Inbox::new(reader, gateway.desk, guest.connection);
+    let dialect = match door {
+        Door::Modbus => Ok(Dialect::ModbusTcp),
+        Door::Main => match with_timeout(FIRST_BYTES, listen(&mut inbox)).await {
+            Ok(dialect) => dialect,
+            Err(_) => Err(End::Idle),
+        },
+    };
+    match dialect {
+        Ok(Dialect::ModbusTcp) => modbus_tcp::serve(gateway, guest, &mut inbox, &mut writer).await,
+        Ok(Dialect::Lines) => lines::serve(gateway, guest, &mut inbox, &mut writer).await,
+        Ok(Dialect::Http) => http::serve(gateway, guest, inbox, writer).await,
+        Ok(Dialect::Unknown) => {
+            let text = b"error unknown-dialect expected HTTP, Modbus/TCP, a Modbus ASCII frame or a command; try 'help'\r\n";
+            match send(&mut writer, text).await {
+                Ok(()) => End::Refused,
+                Err(end) => end,
+            }
+        }
+        Err(end) => end,
+    }
+}
+
+/// Reads until the first bytes tell the dialect.
+async fn listen<R: embedded_io_async::Read>(inbox: &mut Inbox<'_, R>) -> Result<Dialect, End> {
+    loop {
+        if let Some(dialect) = sniff::sniff(inbox.data()) {
+            return Ok(dialect);
+        }
+        inbox.fill().await?;
+        if inbox.ended() {
+            // What is there is all there will be.
+            return sniff::sniff_whole(inbox.data()).ok_or(End::Closed);
+        }
+    }
+}
+
+/// Sends all of it, to a client that takes it.
+async fn send<W: Write>(writer: &mut W, bytes: &[u8]) -> Result<(), End> {
+    let sent = async {
+        writer.write_all(bytes).await?;
+        writer.flush().await
+    };
+    match with_timeout(SLOW_READER, sent).await {
+        Ok(Ok(())) => Ok(()),
+        Ok(Err(_)) => Err(End::Broken),
+        Err(_) => Err(End::Slow),
+    }
+}
+
+/// How long a client may say nothing.
+fn idle(gateway: &Gateway) -> embassy_time::Duration {
+    embassy_time::Duration::from_secs(u64::from(gateway.settings.net.idle_s))
+}

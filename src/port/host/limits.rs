@@ -1,0 +1,16 @@
+//! Sizes of the host port.
+
+/// Clients that can be served at once.
+pub const CLIENTS: usize = 64;
+/// The same in words, for messages.
+pub const CLIENTS_ALLOWED: &str = "1 to 64 is allowed";
+/// Places for clients: some more than clients, for those that come to stop an axis.
+pub const SLOTS: usize = CLIENTS + 4;
+/// Requests of one client that may be under way at once.
+pub const PIPELINE: usize = 16;
+/// Requests under way at once, of all clients.
+pub const TICKETS: usize = 256;
+/// Buses.
+pub const BUSES: usize = 8;
+/// Axes.
+pub const AXES: usize = 32;

@@ -1,0 +1,10 @@
+//! The host port: OS sockets, serial devices, raw TCP lines, and the simulated cell in process.
+
+pub mod limits;
+mod line;
+mod net;
+mod sim;
+mod tty;
+
+pub use line::{BadPort, Line, LineSpec};
+pub use net::{Doors, Place};

@@ -1,0 +1,150 @@
+//! OS sockets.
+
+use std::io::{self, Read as _, Write as _};
+use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::time::Duration;
+
+use async_io::Async;
+use embassy_futures::select::{Either, select};
+use embassy_time::{Timer, with_timeout};
+use embedded_io_async::{ErrorType, Read, Write};
+use rustix::net::sockopt;
+
+use crate::port::{Door, Listener, Peer, Socket};
+
+/// A peer that vanished is noticed after about 10 + 3 * 5 s of silence.
+const KEEPALIVE_IDLE: Duration = Duration::from_secs(10);
+const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(5);
+const KEEPALIVE_PROBES: u32 = 3;
+
+/// The two listening sockets.
+#[derive(Clone)]
+pub struct Doors {
+    main: Arc<Async<TcpListener>>,
+    modbus: Arc<Async<TcpListener>>,
+}
+
+impl Doors {
+    /// Opens both; port 0 lets the system choose.
+    pub fn open(bind: Ipv4Addr, port: u16, modbus_port: u16) -> io::Result<Self> {
+        let open = |port| {
+            Async::<TcpListener>::bind((bind, port))
+                .map_err(|error| io::Error::new(error.kind(), format!("cannot listen on {bind}:{port}: {error}")))
+        };
+        Ok(Self { main: Arc::new(open(port)?), modbus: Arc::new(open(modbus_port)?) })
+    }
+
+    /// Where they listen: main door, Modbus/TCP door.
+    pub fn addresses(&self) -> io::Result<(SocketAddr, SocketAddr)> {
+        Ok((self.main.get_ref().local_addr()?, self.modbus.get_ref().local_addr()?))
+    }
+}
+
+/// One place for a client; all places share the doors.
+pub struct Place(pub Doors);
+
+impl Listener for Place {
+    type Socket<'a> = HostSocket;
+
+    async fn accept(&mut self) -> HostSocket {
+        loop {
+            let accepted = match select(self.0.main.accept(), self.0.modbus.accept()).await {
+                Either::First(accepted) => accepted.map(|accepted| (accepted, Door::Main)),
+                Either::Second(accepted) => accepted.map(|accepted| (accepted, Door::Modbus)),
+            };
+            match accepted.and_then(|((stream, from), door)| HostSocket::new(stream, from, door)) {
+                Ok(socket) => return socket,
+                Err(error) => {
+                    // Out of file descriptors, or a client that is gone already.
+                    log::warn!("cannot accept a client: {error}");
+                    Timer::after_millis(100).await;
+                }
+            }
+        }
+    }
+}
+
+/// One connection.
+pub struct HostSocket {
+    stream: Async<TcpStream>,
+    peer: Peer,
+    door: Door,
+}
+
+impl HostSocket {
+    fn new(stream: Async<TcpStream>, from: SocketAddr, door: Door) -> io::Result<Self> {
+        stream.get_ref().set_nodelay(true)?;
+        sockopt::set_socket_keepalive(&stream, true)?;
+        sockopt::set_tcp_keepidle(&stream, KEEPALIVE_IDLE)?;
+        sockopt::set_tcp_keepintvl(&stream, KEEPALIVE_INTERVAL)?;
+        sockopt::set_tcp_keepcnt(&stream, KEEPALIVE_PROBES)?;
+        let ip = match from {
+            SocketAddr::V4(address) => address.ip().octets(),
+            SocketAddr::V6(_) => [0; 4],
+        };
+        Ok(Self { stream, peer: Peer { ip, port: from.port() }, door })
+    }
+}
+
+impl Socket for HostSocket {
+    type Error = io::Error;
+    type Reader<'a> = HostReader<'a>;
+    type Writer<'a> = HostWriter<'a>;
+
+    fn peer(&self) -> Peer {
+        self.peer
+    }
+
+    fn door(&self) -> Door {
+        self.door
+    }
+
+    fn split(&mut self) -> (HostReader<'_>, HostWriter<'_>) {
+        (HostReader(&self.stream), HostWriter(&self.stream))
+    }
+
+    async fn close(&mut self) {
+        let _ = self.stream.get_ref().shutdown(Shutdown::Write);
+        // Closing with unread bytes would send RST, which can overtake the last reply.
+        let drain = async {
+            let mut rest = [0; 1024];
+            while matches!(HostReader(&self.stream).read(&mut rest).await, Ok(count) if count > 0) {}
+        };
+        let _ = with_timeout(embassy_time::Duration::from_millis(500), drain).await;
+    }
+
+    fn abort(&mut self) {
+        let _ = sockopt::set_socket_linger(&self.stream, Some(Duration::ZERO));
+        let _ = self.stream.get_ref().shutdown(Shutdown::Both);
+    }
+}
+
+/// The receiving half.
+pub struct HostReader<'a>(&'a Async<TcpStream>);
+/// The sending half.
+pub struct HostWriter<'a>(&'a Async<TcpStream>);
+
+impl ErrorType for HostReader<'_> {
+    type Error = io::Error;
+}
+
+impl Read for HostReader<'_> {
+    async fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.0.read_with(|mut stream| stream.read(buffer)).await
+    }
+}
+
+impl ErrorType for HostWriter<'_> {
+    type Error = io::Error;
+}
+
+impl Write for HostWriter<'_> {
+    async fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.write_with(|mut stream| stream.write(bytes)).await
+    }
+
+    async fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}

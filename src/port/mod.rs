@@ -1,0 +1,81 @@
+//! What a port supplies: sockets, serial lines, and the sizes that its memory allows. Nothing above this folder names
+//! a chip, an operating system or a cargo feature.
+
+use core::fmt;
+
+use embedded_io_async::{Error, Read, Write};
+
+#[cfg(not(target_os = "none"))]
+pub mod host;
+#[cfg(not(target_os = "none"))]
+pub use host::{Line, Place, limits};
+
+#[cfg(target_os = "none")]
+pub mod nucleo;
+#[cfg(target_os = "none")]
+pub use nucleo::{Line, Place, limits};
+
+/// Which of the two TCP ports a client came through.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Door {
+    /// Port 80 (8080 on the host): the first bytes decide the dialect.
+    Main,
+    /// Port 502 (8502 on the host): Modbus/TCP only.
+    Modbus,
+}
+
+/// A client's address.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Peer {
+    /// IPv4 address.
+    pub ip: [u8; 4],
+    /// TCP port.
+    pub port: u16,
+}
+
+impl fmt::Display for Peer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [a, b, c, d] = self.ip;
+        write!(f, "{a}.{b}.{c}.{d}:{}", self.port)
+    }
+}
+
+/// One accepted TCP connection.
+pub trait Socket {
+    /// What can go wrong; any error ends the connection.
+    type Error: Error + 'static;
+    /// The receiving half; `read` answers 0 once the client has closed its side.
+    type Reader<'a>: Read<Error = Self::Error>
+    where
+        Self: 'a;
+    /// The sending half.
+    type Writer<'a>: Write<Error = Self::Error>
+    where
+        Self: 'a;
+
+    /// Who is at the other end.
+    fn peer(&self) -> Peer;
+    /// Through which port the client came.
+    fn door(&self) -> Door;
+    /// Both halves, usable at once.
+    fn split(&mut self) -> (Self::Reader<'_>, Self::Writer<'_>);
+    /// Sends what is left, then FIN. Bounded in time.
+    async fn close(&mut self);
+    /// Ends the connection at once with RST.
+    fn abort(&mut self);
+}
+
+/// One place for a client. A port opens [`limits::SLOTS`] of them.
+pub trait Listener {
+    /// The connection that `accept` makes.
+    type Socket<'a>: Socket
+    where
+        Self: 'a;
+
+    /// Waits for the next client of this place.
+    async fn accept(&mut self) -> Self::Socket<'_>;
+}
+
+/// The bytes of one serial line. `read` answers with what is there, and must lose nothing when it is dropped.
+/// After an error both methods may be called again: the port reopens the line, waiting where it must.
+pub trait SerialLine: Read + Write {}

@@ -1,0 +1,184 @@
+//! What is wrong with a document whose types are right.
+
+use core::fmt;
+
+use super::{Axis, Bus, Name, Net, Protocol, Settings};
+use crate::port::limits::{CLIENTS, CLIENTS_ALLOWED};
+
+/// What is wrong with a document whose types are right, and where.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Problem {
+    /// A value of `[net]` is out of range.
+    Net {
+        /// The key.
+        key: &'static str,
+        /// What is allowed.
+        allowed: &'static str,
+    },
+    /// There is no bus.
+    NoBus,
+    /// A value of a bus is out of range.
+    Bus {
+        /// Which bus.
+        name: Name,
+        /// The key.
+        key: &'static str,
+        /// What is allowed.
+        allowed: &'static str,
+    },
+    /// A value of an axis is out of range.
+    Axis {
+        /// Which axis.
+        name: Name,
+        /// The key.
+        key: &'static str,
+        /// What is allowed.
+        allowed: &'static str,
+    },
+    /// Two buses serve the same unit.
+    Overlap {
+        /// The second bus.
+        name: Name,
+        /// The first bus.
+        other: Name,
+        /// The unit.
+        unit: u8,
+    },
+    /// An axis names a bus that does not exist.
+    UnknownBus {
+        /// Which axis.
+        axis: Name,
+        /// The bus it names.
+        bus: Name,
+    },
+    /// Two axes have the same drive.
+    SameDrive {
+        /// The second axis.
+        axis: Name,
+        /// The first axis.
+        other: Name,
+    },
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Problem::Net { key, allowed } => write!(f, "[net] {key}: {allowed}"),
+            Problem::NoBus => f.write_str("no [[bus]] is given"),
+            Problem::Bus { name, key, allowed } => write!(f, "[[bus]] \"{name}\" {key}: {allowed}"),
+            Problem::Axis { name, key, allowed } => write!(f, "[[axis]] \"{name}\" {key}: {allowed}"),
+            Problem::Overlap { name, other, unit } => {
+                write!(f, "[[bus]] \"{name}\" units: bus \"{other}\" serves unit {unit} already")
+            }
+            Problem::UnknownBus { axis, bus } => {
+                write!(f, "[[axis]] \"{axis}\" bus: there is no [[bus]] \"{bus}\"")
+            }
+            Problem::SameDrive { axis, other } => {
+                write!(f, "[[axis]] \"{axis}\" address: axis \"{other}\" has this drive already")
+            }
+        }
+    }
+}
+
+const NAMES: &str = "a unique name of letters, digits, '-' and '_' is needed";
+
+fn is_name(name: &str) -> bool {
+    !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-_".contains(&byte))
+}
+
+impl Settings {
+    /// Finds what the types do not: ranges, unique names, references.
+    pub fn check(&self) -> Result<(), Problem> {
+        self.net.check()?;
+        if self.buses.is_empty() {
+            return Err(Problem::NoBus);
+        }
+        for (index, bus) in self.buses.iter().enumerate() {
+            let before = self.buses.iter().take(index);
+            if !is_name(&bus.name) || before.clone().any(|other| other.name == bus.name) {
+                return Err(Problem::Bus { name: bus.name.clone(), key: "name", allowed: NAMES });
+            }
+            bus.check()?;
+            for other in before {
+                if let Some(unit) = other.units.overlap(&bus.units) {
+                    return Err(Problem::Overlap { name: bus.name.clone(), other: other.name.clone(), unit });
+                }
+            }
+        }
+        for (index, axis) in self.axes.iter().enumerate() {
+            self.check_axis(axis, self.axes.get(..index).unwrap_or_default())?;
+        }
+        Ok(())
+    }
+
+    fn check_axis(&self, axis: &Axis, before: &[Axis]) -> Result<(), Problem> {
+        let problem = |key, allowed| Err(Problem::Axis { name: axis.name.clone(), key, allowed });
+        if !is_name(&axis.name) || before.iter().any(|other| other.name == axis.name) {
+            return problem("name", NAMES);
+        }
+        if !self.buses.iter().any(|bus| bus.name == axis.bus) {
+            return Err(Problem::UnknownBus { axis: axis.name.clone(), bus: axis.bus.clone() });
+        }
+        if !(1..=247).contains(&axis.address) {
+            return problem("address", "1 to 247 is allowed");
+        }
+        if let Some(other) = before.iter().find(|other| other.bus == axis.bus && other.address == axis.address) {
+            return Err(Problem::SameDrive { axis: axis.name.clone(), other: other.name.clone() });
+        }
+        if axis.max_rpm == 0 || axis.max_rpm > i16::MAX as u16 {
+            return problem("max_rpm", "1 to 32767 is allowed");
+        }
+        Ok(())
+    }
+}
+
+impl Net {
+    fn check(&self) -> Result<(), Problem> {
+        let problem = |key, allowed| Err(Problem::Net { key, allowed });
+        if !(1..=CLIENTS).contains(&usize::from(self.clients)) {
+            return problem("clients", CLIENTS_ALLOWED);
+        }
+        if !(50..=5000).contains(&self.lease_ms) {
+            return problem("lease_ms", "50 to 5000 is allowed");
+        }
+        if !(5..=86_400).contains(&self.idle_s) {
+            return problem("idle_s", "5 to 86400 is allowed");
+        }
+        if self.port == self.modbus_port && self.port != 0 {
+            return problem("modbus_port", "it must differ from port");
+        }
+        Ok(())
+    }
+}
+
+impl Bus {
+    fn check(&self) -> Result<(), Problem> {
+        let problem = |key, allowed| Err(Problem::Bus { name: self.name.clone(), key, allowed });
+        let ascii_only = self.protocol == Protocol::ModbusRtu && self.format.data_bits == 7;
+        if !(300..=1_000_000).contains(&self.baud) {
+            return problem("baud", "300 to 1000000 is allowed");
+        }
+        if ascii_only {
+            return problem("format", "Modbus RTU needs 8 data bits");
+        }
+        if self.port.is_empty() {
+            return problem("port", "\"sim\", a serial device or \"tcp:HOST:PORT\" is needed");
+        }
+        if !(5..=60_000).contains(&self.reply_timeout_ms) {
+            return problem("reply_timeout_ms", "5 to 60000 is allowed");
+        }
+        if self.turnaround_ms > 10_000 {
+            return problem("turnaround_ms", "0 to 10000 is allowed");
+        }
+        if self.rest_ms > 10_000 {
+            return problem("rest_ms", "0 to 10000 is allowed");
+        }
+        if self.quarantine_ms.is_some_and(|ms| ms > 60_000) {
+            return problem("quarantine_ms", "0 to 60000 is allowed");
+        }
+        if !(50..=60_000).contains(&self.queue_timeout_ms) {
+            return problem("queue_timeout_ms", "50 to 60000 is allowed");
+        }
+        Ok(())
+    }
+}

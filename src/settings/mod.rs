@@ -1,0 +1,313 @@
+//! The settings: one document, written as TOML on the host. Unknown keys are errors; [`Settings::check`] finds what
+//! the types cannot.
+
+mod check;
+
+use core::fmt;
+use core::net::Ipv4Addr;
+use core::str::FromStr;
+
+use heapless::{String, Vec};
+use puente_drives::edb::Registers;
+use puente_line::Format;
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+
+use crate::desk::Units;
+pub use check::Problem;
+
+use crate::port::limits::{AXES, BUSES};
+
+/// A name of a bus or an axis.
+pub type Name = String<16>;
+
+/// The whole document.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// TCP side.
+    #[serde(default)]
+    pub net: Net,
+    /// The buses.
+    #[serde(rename = "bus")]
+    pub buses: Vec<Bus, BUSES>,
+    /// The axes.
+    #[serde(rename = "axis", default)]
+    pub axes: Vec<Axis, AXES>,
+}
+
+/// TCP side.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Net {
+    /// Address to listen on.
+    pub bind: Ipv4Addr,
+    /// TCP port of every dialect.
+    pub port: u16,
+    /// TCP port of Modbus/TCP alone.
+    pub modbus_port: u16,
+    /// Clients served at once; a few places more are kept for stops.
+    pub clients: u16,
+    /// How long a silent commander keeps its axes, in ms.
+    pub lease_ms: u32,
+    /// A client that says nothing for so long is let go, in s.
+    pub idle_s: u32,
+}
+
+impl Default for Net {
+    fn default() -> Self {
+        Self {
+            bind: Ipv4Addr::LOCALHOST,
+            port: 8080,
+            modbus_port: 8502,
+            clients: 16,
+            lease_ms: 250,
+            idle_s: 120,
+        }
+    }
+}
+
+/// What is spoken on a bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Protocol {
+    /// Modbus RTU.
+    ModbusRtu,
+    /// Modbus ASCII.
+    ModbusAscii,
+}
+
+impl Protocol {
+    /// As written in the settings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Protocol::ModbusRtu => "modbus-rtu",
+            Protocol::ModbusAscii => "modbus-ascii",
+        }
+    }
+}
+
+/// What a line gives back of what is sent on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Echo {
+    /// Nothing: the receiver is off while sending.
+    #[default]
+    Off,
+    /// All of it; it is removed unseen.
+    Strip,
+    /// All of it; it is compared, and a difference ends the transaction.
+    Verify,
+}
+
+/// A bus.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bus {
+    /// Its name, unique.
+    pub name: Name,
+    /// What is spoken on it.
+    pub protocol: Protocol,
+    /// `sim`, a serial device, or `tcp:HOST:PORT`.
+    pub port: String<64>,
+    /// Bits per second.
+    #[serde(default = "default_baud")]
+    pub baud: u32,
+    /// Character format, as in `8E1`.
+    #[serde(default = "default_format", serialize_with = "text", deserialize_with = "parsed")]
+    pub format: Format,
+    /// Modbus unit ids that clients reach here, as in `1-16,20`.
+    #[serde(default = "default_units", serialize_with = "text", deserialize_with = "parsed")]
+    pub units: Units,
+    /// How long a slave has for its reply, in ms, from the end of the request.
+    #[serde(default = "default_reply_timeout")]
+    pub reply_timeout_ms: u32,
+    /// Pause after a broadcast, in ms.
+    #[serde(default = "default_turnaround")]
+    pub turnaround_ms: u32,
+    /// Pause after each transaction before the same slave is addressed again, in ms.
+    #[serde(default)]
+    pub rest_ms: u32,
+    /// How long a slave that did not answer is left alone, in ms, lest its late reply meets the next request.
+    /// `reply_timeout_ms` where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quarantine_ms: Option<u32>,
+    /// How long a request may wait for its turn, in ms.
+    #[serde(default = "default_queue_timeout")]
+    pub queue_timeout_ms: u32,
+    /// Whether the line gives back what is sent.
+    #[serde(default)]
+    pub echo: Echo,
+}
+
+/// What drives an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Drive {
+    /// An EDB servo drive.
+    Edb,
+}
+
+impl Drive {
+    /// As written in the settings.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Drive::Edb => "edb",
+        }
+    }
+}
+
+/// An axis.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Axis {
+    /// Its name, unique.
+    pub name: Name,
+    /// The name of its bus.
+    pub bus: Name,
+    /// What drives it.
+    pub drive: Drive,
+    /// Address of the drive on its bus, 1 to 247.
+    pub address: u8,
+    /// Highest jog speed, in r/min.
+    #[serde(default = "default_max_rpm")]
+    pub max_rpm: u16,
+    /// Registers that differ from the EDB family's.
+    #[serde(default, skip_serializing_if = "RegisterOverrides::is_empty")]
+    pub registers: RegisterOverrides,
+}
+
+/// Registers of a drive model that differ from the family's.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RegisterOverrides {
+    /// Status word.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub status: Option<u16>,
+    /// First register of the monitor block, the speed feedback.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_feedback: Option<u16>,
+    /// Present alarm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alarm: Option<u16>,
+    /// Jog speed, r/min.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jog_speed: Option<u16>,
+    /// Clears the alarm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clear_alarm: Option<u16>,
+    /// Servo on for jogging.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jog_enable: Option<u16>,
+    /// Jog forward.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jog_forward: Option<u16>,
+    /// Jog reverse.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub jog_reverse: Option<u16>,
+}
+
+impl RegisterOverrides {
+    fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The family's registers with these put over them.
+    pub fn over(&self, family: Registers) -> Registers {
+        Registers {
+            status: self.status.unwrap_or(family.status),
+            speed_feedback: self.speed_feedback.unwrap_or(family.speed_feedback),
+            alarm: self.alarm.unwrap_or(family.alarm),
+            jog_speed: self.jog_speed.unwrap_or(family.jog_speed),
+            clear_alarm: self.clear_alarm.unwrap_or(family.clear_alarm),
+            jog_enable: self.jog_enable.unwrap_or(family.jog_enable),
+            jog_forward: self.jog_forward.unwrap_or(family.jog_forward),
+            jog_reverse: self.jog_reverse.unwrap_or(family.jog_reverse),
+            ..family
+        }
+    }
+}
+
+fn default_baud() -> u32 {
+    9600
+}
+
+fn default_format() -> Format {
+    Format { data_bits: 8, parity: puente_line::Parity::Odd, stop_bits: 1 }
+}
+
+fn default_units() -> Units {
+    let mut units = Units::default();
+    (1..=247).for_each(|unit| units.insert(unit));
+    units
+}
+
+fn default_reply_timeout() -> u32 {
+    500
+}
+
+fn default_turnaround() -> u32 {
+    100
+}
+
+fn default_queue_timeout() -> u32 {
+    3000
+}
+
+fn default_max_rpm() -> u16 {
+    3000
+}
+
+fn text<T: fmt::Display, S: Serializer>(value: &T, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(value)
+}
+
+fn parsed<'de, T, D>(deserializer: D) -> Result<T, D::Error>
+where
+    T: FromStr,
+    T::Err: fmt::Display,
+    D: Deserializer<'de>,
+{
+    let text: String<128> = Deserialize::deserialize(deserializer)?;
+    text.parse().map_err(de::Error::custom)
+}
+
+impl Settings {
+    /// What a gateway has that was not told otherwise: one Modbus ASCII bus at 9600 8O1 (the factory setting of EDB
+    /// drives) on `port`, with axes x, y and z at addresses 1, 2 and 3.
+    pub fn factory(port: &str) -> Self {
+        let name = |text: &str| Name::try_from(text).unwrap_or_default();
+        let bus = Bus {
+            name: name("a"),
+            protocol: Protocol::ModbusAscii,
+            port: String::try_from(port).unwrap_or_default(),
+            baud: default_baud(),
+            format: default_format(),
+            units: default_units(),
+            reply_timeout_ms: default_reply_timeout(),
+            turnaround_ms: default_turnaround(),
+            rest_ms: 0,
+            quarantine_ms: None,
+            queue_timeout_ms: default_queue_timeout(),
+            echo: Echo::Off,
+        };
+        let axis = |(text, address)| Axis {
+            name: name(text),
+            bus: name("a"),
+            drive: Drive::Edb,
+            address,
+            max_rpm: default_max_rpm(),
+            registers: RegisterOverrides::default(),
+        };
+        Self {
+            net: Net::default(),
+            buses: [bus].into_iter().collect(),
+            axes: [("x", 1), ("y", 2), ("z", 3)].into_iter().map(axis).collect(),
+        }
+    }
+
+    /// The number of the bus of this name.
+    pub fn bus(&self, name: &str) -> Option<u8> {
+        self.buses.iter().position(|bus| bus.name == name).map(|index| index as u8)
+    }
+}
+
