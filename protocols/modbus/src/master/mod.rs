@@ -1,0 +1,397 @@
+//! The master of a serial line.
+//!
+//! Half duplex, one request outstanding. What keeps a reply from being paired with another request:
+//!
+//! - A reply must have the unit, the function (or its exception), the length and byte count that the request calls for, and
+//!   repeat the fields that a reply repeats. Valid frames that do not are counted and passed over: the true reply may follow.
+//! - After a timeout the line must fall silent before the next request, and the unit that kept us waiting is left alone for
+//!   [`Config::quarantine`], or until its late reply is seen. Others are addressed at once.
+//!
+//! A reply is delivered with its last byte. How frames end is told in the module `stream`.
+
+mod receiver;
+mod types;
+mod units;
+
+use core::time::Duration;
+
+use puente_line::Instant;
+
+pub use types::{Action, Busy, Config, Counters, Echo, Evidence, Outcome};
+
+use crate::reply::{Mismatch, Reply};
+use crate::request::Request;
+use crate::{BROADCAST, Exception, Frame, FrameError, Mode, Pdu, ascii, function, rtu};
+use receiver::Receiver;
+use units::Units;
+
+/// A master; see the module `master`.
+#[derive(Clone, Debug)]
+pub struct Master {
+    config: Config,
+    /// Silence before a transmission.
+    gap: Duration,
+    state: State,
+    request: Outgoing,
+    /// Characters of the request's echo still to come.
+    echo_left: usize,
+    receiver: Receiver,
+    last_received: Instant,
+    /// Since when, or from when on, the line is silent.
+    quiet_from: Instant,
+    units: Units,
+    counters: Counters,
+    reply: Pdu,
+}
+
+/// The request in work, or the last one.
+#[derive(Clone, Debug)]
+struct Outgoing {
+    unit: u8,
+    pdu: Pdu,
+    adu: heapless::Vec<u8, { ascii::MAX_ADU }>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum State {
+    /// No request.
+    Idle,
+    /// The line must fall silent, the unit must be ready.
+    Queued,
+    /// Sent; the reply is due by `deadline`. One that is arriving then may go on until `limit`.
+    Waiting { deadline: Instant, limit: Instant, evidence: Option<Evidence> },
+    /// Broadcast; the slaves get time to work.
+    Turnaround { until: Instant },
+    /// The outcome has not been fetched.
+    Finished(End),
+}
+
+#[derive(Clone, Copy, Debug)]
+enum End {
+    Reply,
+    Broadcast,
+    NoReply(Evidence),
+}
+
+impl Master {
+    /// A master for a line.
+    pub fn new(config: Config) -> Self {
+        let gap = match config.mode {
+            Mode::Rtu => rtu::t3_5(config.line),
+            // The specification asks for none; this keeps us from talking into a frame.
+            Mode::Ascii => rtu::t1_5(config.line),
+        };
+        Self {
+            config,
+            gap,
+            state: State::Idle,
+            request: Outgoing { unit: 0, pdu: Pdu::new(), adu: heapless::Vec::new() },
+            echo_left: 0,
+            receiver: Receiver::new(config.mode),
+            last_received: Instant::ZERO,
+            quiet_from: Instant::ZERO,
+            units: Units::new(),
+            counters: Counters::default(),
+            reply: Pdu::new(),
+        }
+    }
+
+    /// Takes a request PDU for `unit`, 0 for all. One that is malformed is done at once, unsent
+    /// ([`Evidence::Malformed`]).
+    ///
+    /// # Errors
+    /// `Busy` until the outcome of the last one has been fetched.
+    pub fn submit(&mut self, unit: u8, pdu: &[u8]) -> Result<(), Busy> {
+        let State::Idle = self.state else {
+            return Err(Busy);
+        };
+        self.state = match Outgoing::new(self.config.mode, unit, pdu) {
+            Ok(request) => {
+                self.request = request;
+                State::Queued
+            }
+            Err(exception) => State::Finished(End::NoReply(Evidence::Malformed(exception))),
+        };
+        Ok(())
+    }
+
+    /// From when on `unit` may be addressed: its rest and its quarantine are over then.
+    pub fn ready_at(&self, unit: u8) -> Instant {
+        self.units.ready_at(unit)
+    }
+
+    /// Takes what the line said.
+    pub fn receive(&mut self, now: Instant, bytes: &[u8]) {
+        if bytes.is_empty() {
+            return;
+        }
+        self.elapse(now);
+        self.last_received = now;
+        self.quiet_from = self.quiet_from.max(now);
+        for &byte in bytes {
+            if self.echo_left > 0 && self.take_echo(byte) {
+                continue;
+            }
+            let heard = self.receiver.push(now, byte, &self.request);
+            self.take_frames(now, heard);
+        }
+    }
+
+    /// The line reported a parity, framing or overrun error.
+    pub fn line_error(&mut self, now: Instant) {
+        self.elapse(now);
+        self.last_received = now;
+        self.quiet_from = self.quiet_from.max(now);
+        count(&mut self.counters.line_errors);
+        self.note(Evidence::Line);
+    }
+
+    /// What to do now.
+    pub fn poll(&mut self, now: Instant) -> Action<'_> {
+        self.elapse(now);
+        match self.state {
+            State::Queued if now >= self.transmit_at() => {
+                self.transmit(now);
+                Action::Transmit(&self.request.adu)
+            }
+            State::Finished(end) => {
+                self.state = State::Idle;
+                Action::Done(match end {
+                    End::Reply => Outcome::Reply(&self.reply),
+                    End::Broadcast => Outcome::Broadcast,
+                    End::NoReply(evidence) => Outcome::NoReply(evidence),
+                })
+            }
+            _ => Action::Idle,
+        }
+    }
+
+    /// When to poll again, besides after `submit` and `receive`.
+    pub fn poll_at(&self) -> Option<Instant> {
+        let due = match self.state {
+            State::Idle => None,
+            State::Queued => Some(self.transmit_at()),
+            State::Waiting { deadline, limit, .. } => Some(self.end(deadline, limit)),
+            State::Turnaround { until } => Some(until),
+            State::Finished(_) => Some(Instant::ZERO),
+        };
+        match (due, self.silent_at()) {
+            (Some(due), Some(silent)) => Some(due.min(silent)),
+            (due, silent) => due.or(silent),
+        }
+    }
+
+    /// What has happened since start-up.
+    pub fn counters(&self) -> Counters {
+        Counters { garbage_bytes: self.receiver.garbage(), ..self.counters }
+    }
+
+    fn transmit_at(&self) -> Instant {
+        (self.quiet_from + self.gap).max(self.units.ready_at(self.request.unit))
+    }
+
+    /// When the burst that is arriving ends, if nothing more comes.
+    fn silent_at(&self) -> Option<Instant> {
+        self.receiver.is_unsettled().then(|| self.last_received + self.gap)
+    }
+
+    /// When waiting ends: at the deadline, but not while a frame is arriving, nor ever after the limit.
+    fn end(&self, deadline: Instant, limit: Instant) -> Instant {
+        deadline.max(limit.min(self.last_received + self.gap))
+    }
+
+    fn transmit(&mut self, now: Instant) {
+        count(&mut self.counters.requests);
+        self.receiver.clear();
+        self.echo_left = match self.config.echo {
+            Echo::Off => 0,
+            Echo::Strip | Echo::Verify => self.request.adu.len(),
+        };
+        let sent = now + self.config.line.wire_time(self.request.adu.len());
+        self.quiet_from = sent;
+        self.state = if self.request.unit == BROADCAST {
+            State::Turnaround { until: sent + self.config.turnaround }
+        } else {
+            let deadline = sent + self.config.reply_timeout;
+            let longest = match self.config.mode {
+                Mode::Rtu => rtu::MAX_ADU,
+                Mode::Ascii => ascii::MAX_ADU,
+            };
+            State::Waiting { deadline, limit: deadline + self.config.line.wire_time(longest), evidence: None }
+        };
+    }
+
+    /// Does what time alone brings about.
+    fn elapse(&mut self, now: Instant) {
+        if let State::Waiting { deadline, limit, .. } = self.state
+            && now >= self.end(deadline, limit)
+        {
+            self.silence(now);
+            self.expire();
+        } else if self.silent_at().is_some_and(|at| now >= at) {
+            self.silence(now);
+        }
+        if let State::Turnaround { until } = self.state
+            && now >= until
+        {
+            let end = if self.echo_left > 0 { End::NoReply(Evidence::EchoMissing) } else { End::Broadcast };
+            self.echo_left = 0;
+            self.state = State::Finished(end);
+        }
+    }
+
+    fn silence(&mut self, now: Instant) {
+        self.receiver.silence();
+        let heard = self.receiver.next(&self.request);
+        self.take_frames(now, heard);
+        if let Some(error) = self.receiver.damage() {
+            self.take_damage(error);
+        }
+    }
+
+    /// The deadline has come; a reply may have ended with the silence just before.
+    fn expire(&mut self) {
+        if let State::Waiting { evidence, .. } = self.state {
+            self.fail(match evidence {
+                _ if self.echo_left > 0 => Evidence::EchoMissing,
+                Some(evidence) => evidence,
+                None => Evidence::Silence,
+            });
+        }
+    }
+
+    /// Ends the transaction without a reply. The unit owes it until the quarantine after the deadline is over.
+    fn fail(&mut self, evidence: Evidence) {
+        match self.state {
+            State::Waiting { deadline, .. } => {
+                count(&mut self.counters.timeouts);
+                let quiet = self.config.quarantine.max(self.config.rest);
+                self.units.quarantine(self.request.unit, deadline + quiet);
+            }
+            State::Turnaround { until } => self.quiet_from = self.quiet_from.max(until),
+            State::Idle | State::Queued | State::Finished(_) => return,
+        }
+        self.echo_left = 0;
+        self.state = State::Finished(End::NoReply(evidence));
+    }
+
+    /// Takes a byte of the request's echo; false if it is none.
+    fn take_echo(&mut self, received: u8) -> bool {
+        let at = self.request.adu.len().saturating_sub(self.echo_left);
+        match self.request.adu.get(at) {
+            Some(&expected) if self.config.echo == Echo::Verify && expected != received => {
+                self.fail(Evidence::EchoDiffers { expected, received });
+                false
+            }
+            _ => {
+                self.echo_left -= 1;
+                true
+            }
+        }
+    }
+
+    fn take_frames(&mut self, now: Instant, mut heard: Option<Result<Frame, FrameError>>) {
+        while let Some(result) = heard {
+            match result {
+                Ok(frame) => self.take_frame(now, frame),
+                Err(error) => self.take_damage(error),
+            }
+            heard = self.receiver.next(&self.request);
+        }
+    }
+
+    fn take_damage(&mut self, error: FrameError) {
+        count(&mut self.counters.check_errors);
+        self.note(match error {
+            FrameError::Check { expected, received } => Evidence::Check { expected, received },
+            error => Evidence::Damaged(error),
+        });
+    }
+
+    fn take_frame(&mut self, now: Instant, frame: Frame) {
+        let waiting = matches!(self.state, State::Waiting { .. });
+        match self.request.pair(&frame) {
+            Ok(()) if waiting => return self.deliver(now, frame),
+            Err(Evidence::Echo) => {
+                count(&mut self.counters.echoes);
+                return self.note(Evidence::Echo);
+            }
+            Err(evidence) if waiting => {
+                count(match evidence {
+                    Evidence::WrongUnit { .. } => &mut self.counters.wrong_unit,
+                    Evidence::WrongFunction { .. } => &mut self.counters.wrong_function,
+                    _ => &mut self.counters.wrong_length,
+                });
+                self.note(evidence);
+            }
+            _ => {}
+        }
+        // Nobody waits for it, or for another unit's: it may be a reply that was given up.
+        let owed = self.units.owes(frame.unit);
+        if owed {
+            self.units.rest(frame.unit, self.rested(now));
+        }
+        if owed || !waiting {
+            count(&mut self.counters.late);
+        }
+    }
+
+    fn deliver(&mut self, now: Instant, frame: Frame) {
+        let exception = frame.pdu.first().is_some_and(|first| first & function::EXCEPTION != 0);
+        count(if exception { &mut self.counters.exceptions } else { &mut self.counters.replies });
+        self.units.rest(frame.unit, self.rested(now));
+        // The reply proves that the request is out, even where the wire time has not passed.
+        self.quiet_from = now;
+        self.reply = frame.pdu;
+        self.state = State::Finished(End::Reply);
+    }
+
+    fn rested(&self, now: Instant) -> Option<Instant> {
+        (!self.config.rest.is_zero()).then(|| now + self.config.rest)
+    }
+
+    /// Keeps why the last bytes were no reply. A line error explains damage, so that damage does not replace it.
+    fn note(&mut self, new: Evidence) {
+        if let State::Waiting { evidence, .. } = &mut self.state {
+            match (*evidence, new) {
+                (Some(Evidence::Line), Evidence::Check { .. } | Evidence::Damaged(_)) => {}
+                _ => *evidence = Some(new),
+            }
+        }
+    }
+}
+
+impl Outgoing {
+    fn new(mode: Mode, unit: u8, pdu: &[u8]) -> Result<Self, Exception> {
+        Request::parse(pdu)?;
+        let pdu = Pdu::from_slice(pdu).map_err(|_| Exception::IllegalDataValue)?;
+        let mut adu = heapless::Vec::new();
+        // Neither framing is longer than the vector.
+        let _ = match mode {
+            Mode::Rtu => adu.extend_from_slice(&rtu::emit(unit, &pdu)),
+            Mode::Ascii => adu.extend_from_slice(&ascii::emit(unit, &pdu)),
+        };
+        Ok(Self { unit, pdu, adu })
+    }
+
+    /// Whether `frame` is the reply to this request; else why it is not.
+    fn pair(&self, frame: &Frame) -> Result<(), Evidence> {
+        if frame.unit != self.unit {
+            return Err(Evidence::WrongUnit { expected: self.unit, received: frame.unit });
+        }
+        match Reply::parse(&self.pdu, &frame.pdu) {
+            Ok(_) => Ok(()),
+            Err(_) if frame.pdu == self.pdu => Err(Evidence::Echo),
+            Err(Mismatch::Function { expected, received }) => {
+                Err(Evidence::WrongFunction { expected, received })
+            }
+            Err(Mismatch::Length { expected, received }) => Err(Evidence::WrongLength { expected, received }),
+            Err(Mismatch::Field { expected, received }) => Err(Evidence::WrongField { expected, received }),
+            Err(Mismatch::Request(exception)) => Err(Evidence::Malformed(exception)),
+        }
+    }
+}
+
+fn count(counter: &mut u32) {
+    *counter = counter.wrapping_add(1);
+}
