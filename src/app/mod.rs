@@ -7,7 +7,7 @@ mod options;
 
 use puente_drives::edb::Registers;
 use puente_line::Duration;
-use puente_modbus::{Config, Echo, Master, Mode};
+use puente_modbus::{Config, Echo, Mode};
 use static_cell::StaticCell;
 
 use crate::axis::{Axes, AxisSpec};
@@ -56,9 +56,9 @@ fn mode(bus: &settings::Bus) -> Mode {
     }
 }
 
-/// The master of a bus.
-pub fn master(bus: &settings::Bus) -> Master {
-    Master::new(Config {
+/// What the master of a bus goes by.
+pub fn master(bus: &settings::Bus) -> Config {
+    Config {
         line: line_settings(bus),
         mode: mode(bus),
         reply_timeout: millis(bus.reply_timeout_ms),
@@ -70,12 +70,12 @@ pub fn master(bus: &settings::Bus) -> Master {
             settings::Echo::Strip => Echo::Strip,
             settings::Echo::Verify => Echo::Verify,
         },
-    })
+    }
 }
 
 /// Drives one bus.
 #[embassy_executor::task(pool_size = limits::BUSES)]
-pub async fn bus_task(desk: &'static Desk, bus: u8, mut line: Line, master: Master) -> ! {
+pub async fn bus_task(desk: &'static Desk, bus: u8, mut line: Line, master: Config) -> ! {
     bus::modbus::pump(&mut line, master, &BusQueue { desk, bus }).await
 }
 

@@ -35,7 +35,7 @@ impl<'a> Link<'a> {
         let request = Request::ReadHoldingRegisters { address, quantity }.emit();
         let reply = self.submit(Class::Free, request.clone())?.await?;
         match Reply::parse(&request, &reply) {
-            Ok(Reply::ReadHoldingRegisters(words)) => Ok(words.iter().take(MAX_WORDS).collect()),
+            Ok(Reply::ReadHoldingRegisters { words }) => Ok(words.iter().take(MAX_WORDS).collect()),
             other => Err(refusal(other)),
         }
     }

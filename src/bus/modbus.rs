@@ -3,7 +3,7 @@
 use embassy_futures::select::{Either3, select3};
 use embassy_time::Timer;
 use embedded_io_async::{Error, ErrorKind};
-use puente_modbus::{Action, Master};
+use puente_modbus::{Action, Config, Master};
 
 use super::{End, Next, Ticket, Work};
 use crate::clock;
@@ -13,7 +13,8 @@ use crate::port::SerialLine;
 const RETRY: embassy_time::Duration = embassy_time::Duration::from_millis(100);
 
 /// Moves jobs from `work` over `line`, for ever.
-pub async fn pump(line: &mut impl SerialLine, mut master: Master, work: &impl Work) -> ! {
+pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) -> ! {
+    let mut master = Master::new(config);
     let mut buffer = [0; 256];
     let mut current: Option<Ticket> = None;
     loop {
@@ -22,7 +23,7 @@ pub async fn pump(line: &mut impl SerialLine, mut master: Master, work: &impl Wo
             Action::Transmit(frame) => {
                 let written = async { line.write_all(frame).await.is_ok() && line.flush().await.is_ok() };
                 if !written.await {
-                    master.reset(clock::now());
+                    master = Master::new(config);
                     finish(work, &mut current, End::LineDown);
                     Timer::after(RETRY).await;
                 }

@@ -149,8 +149,9 @@ pub(super) async fn serve<R: Read, W: Write>(
         if inbox.ended() && open.is_empty() {
             return End::Closed;
         }
+        let quiet = open.is_empty();
         let silence = async {
-            if open.is_empty() { Timer::after(idle(gateway)).await } else { core::future::pending().await }
+            if quiet { Timer::after(idle(gateway)).await } else { core::future::pending().await }
         };
         match select3(poll_fn(|context| poll_any(&mut open, context, &gateway.axes)), inbox.fill(), silence).await
         {

@@ -194,7 +194,7 @@ fn bus_status(gateway: &Gateway, bus: u8, reply: &mut Reply) -> core::fmt::Resul
         counted.expired + counted.rested + counted.stopped + counted.queue_full,
         counted.line.late,
         counted.line.check_errors,
-        counted.line.garbage,
+        counted.line.garbage_bytes,
         counted.line.echoes,
         counted.waiting,
         counted.resting,
