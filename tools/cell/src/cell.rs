@@ -190,7 +190,7 @@ impl Cell {
     }
 
     fn request(&mut self, at: Instant, unit: u8, pdu: Pdu) {
-        self.log.push(at, Event::Request { unit, pdu: pdu.clone() });
+        self.log.push(at, Event::Request { unit, pdu: pdu.to_vec() });
         if unit == 0 {
             self.broadcast(at, &pdu);
         } else if let Some(station) = self.stations.get_mut(&unit) {

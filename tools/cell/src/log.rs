@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use puente_line::Instant;
-use puente_modbus::{FrameError, Pdu};
+use puente_modbus::FrameError;
 
 /// Events that are kept; the oldest go first.
 const CAPACITY: usize = 4_096;
@@ -16,7 +16,7 @@ pub enum Event {
         /// Address, 0 for a broadcast.
         unit: u8,
         /// Function code and data.
-        pdu: Pdu,
+        pdu: Vec<u8>,
     },
     /// Bytes that were no frame.
     NoFrame(FrameError),

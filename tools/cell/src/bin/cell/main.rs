@@ -60,14 +60,16 @@ fn serve(cell: &mut Cell, port: &mut Port, mut log: Option<Box<dyn Write>>) -> i
     let now = || Instant::from_micros(start.elapsed().as_micros() as u64);
     let mut buffer = [0; 4_096];
     loop {
-        if let Some(bytes) = cell.poll(now()) {
-            port.write(&bytes)?;
-        }
+        let bytes = cell.poll(now());
+        // Logged first, so that who has a reply finds it in the log.
         for (at, event) in cell.take_events() {
             if let Some(log) = &mut log {
                 writeln!(log, "{}", line_of(at, &event))?;
                 log.flush()?;
             }
+        }
+        if let Some(bytes) = bytes {
+            port.write(&bytes)?;
         }
         let wait = cell.poll_at().map(|at| at.since(now()));
         let received = port.read(&mut buffer, wait)?;
