@@ -13,12 +13,14 @@
 //! A drive answers at most 20 words to one read (function 03h) and takes at most 12 words of data in one write.
 
 mod alarm;
+mod effect;
 mod monitor;
 mod parameter;
 pub mod register;
 mod status;
 
 pub use alarm::alarm_name;
+pub use effect::{Effect, effect};
 pub use monitor::{Monitor, position, position_words};
 pub use parameter::{BadParameter, Info, Parameter};
 pub use register::Registers;
