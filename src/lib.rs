@@ -4,6 +4,8 @@
 //! back only through the place that the request keeps for them. No layer names one above it. [`app`] wires them.
 #![cfg_attr(target_os = "none", no_std)]
 
+#![allow(async_fn_in_trait, reason = "the traits are this application's own, and each task stays on its executor")]
+
 pub mod app;
 pub mod axis;
 pub mod bus;

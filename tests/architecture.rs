@@ -78,7 +78,10 @@ fn only_ports_and_the_wiring_know_the_platform() {
             let place = format!("{}:{}", file.display(), number + 1);
             assert!(!line.contains("target_os") && !line.contains("feature ="), "{place}: names a port");
             assert!(!line.contains("unsafe"), "{place}: unsafe belongs to port/");
-            assert!(!line.contains("embassy_stm32") && !line.contains("embassy_net"), "{place}: names a chip");
+            assert!(
+                !line.contains("embassy_stm32") && !line.contains("embassy_net"),
+                "{place}: names a chip"
+            );
         }
     }
 }

@@ -66,7 +66,7 @@ fn load(options: &Options) -> Result<(Settings, Vec<LineSpec>), String> {
     settings.net.port = options.port.unwrap_or(settings.net.port);
     settings.net.modbus_port = options.modbus_port.unwrap_or(settings.net.modbus_port);
     settings.check().map_err(|problem| format!("{place}{problem}"))?;
-    let line = |bus| {
+    let line = |bus: &Bus| {
         LineSpec::parse(&bus.port, line_settings(bus), || simulated(&settings, bus))
             .map_err(|error| format!("{place}[[bus]] \"{}\" port: {error}", bus.name))
     };
@@ -76,8 +76,9 @@ fn load(options: &Options) -> Result<(Settings, Vec<LineSpec>), String> {
 
 /// The cell behind a simulated bus: a drive for each of its axes.
 fn simulated(settings: &Settings, bus: &Bus) -> puente_cell::Config {
-    let addresses = settings.axes.iter().filter(|axis| axis.bus == bus.name).map(|axis| axis.address);
-    puente_cell::Config::edb(line_settings(bus), mode(bus), addresses)
+    let of_bus = settings.axes.iter().filter(|axis| axis.bus == bus.name);
+    let addresses: Vec<u8> = of_bus.map(|axis| axis.address).collect();
+    puente_cell::Config::new(mode(bus), line_settings(bus), &addresses)
 }
 
 fn run(settings: Settings, lines: Vec<LineSpec>) -> ExitCode {
