@@ -57,7 +57,8 @@ fn load(options: &Options) -> Result<(Settings, Vec<LineSpec>), String> {
     let (mut settings, place) = match &options.config {
         None => (Settings::factory("sim"), String::new()),
         Some(path) => {
-            let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
+            let text =
+                std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
             let settings = toml::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?;
             (settings, format!("{}: ", path.display()))
         }
@@ -103,7 +104,8 @@ fn buses(gateway: &'static Gateway, lines: Vec<LineSpec>) -> ! {
     static EXECUTOR: StaticCell<Executor> = StaticCell::new();
     EXECUTOR.init(Executor::new()).run(|spawner| {
         for ((index, spec), bus) in (0..).zip(lines).zip(&gateway.settings.buses) {
-            spawner.spawn(bus_task(gateway.desk, index, Line::new(spec), master(bus)).expect("one task a bus"));
+            spawner
+                .spawn(bus_task(gateway.desk, index, Line::new(spec), master(bus)).expect("one task a bus"));
         }
         for (axis, _) in gateway.axes.iter() {
             spawner.spawn(watch_task(gateway, axis).expect("one task an axis"));

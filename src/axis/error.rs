@@ -55,14 +55,26 @@ impl fmt::Display for AxisError {
         match self {
             AxisError::UnknownAxis => f.write_str("no axis has this name; 'axis' lists them"),
             AxisError::Leased(Leased::By(holder, left)) => {
-                write!(f, "{holder} commands this axis, for {} ms unless it goes on; stop is allowed", left.as_millis())
+                write!(
+                    f,
+                    "{holder} commands this axis, for {} ms unless it goes on; stop is allowed",
+                    left.as_millis()
+                )
             }
             AxisError::Leased(Leased::Standstill(left)) => {
-                write!(f, "somebody else stopped this axis; give no motion command for {} ms", left.as_millis())
+                write!(
+                    f,
+                    "somebody else stopped this axis; give no motion command for {} ms",
+                    left.as_millis()
+                )
             }
             AxisError::NotEnabled => f.write_str("the servo is off; enable the axis first"),
             AxisError::Alarm(number) => {
-                write!(f, "alarm {number}: {}; clear it first", edb::alarm_name(*number).unwrap_or("undefined"))
+                write!(
+                    f,
+                    "alarm {number}: {}; clear it first",
+                    edb::alarm_name(*number).unwrap_or("undefined")
+                )
             }
             AxisError::Range { value, min, max } => write!(f, "{value} is out of range {min} to {max}"),
             AxisError::Failure(failure) => failure.fmt(f),

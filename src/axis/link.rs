@@ -31,7 +31,11 @@ impl<'a> Link<'a> {
     }
 
     /// Reads `quantity` registers, at most [`MAX_WORDS`], in one request.
-    pub(super) async fn read_many(&self, address: u16, quantity: u16) -> Result<Vec<u16, MAX_WORDS>, AxisError> {
+    pub(super) async fn read_many(
+        &self,
+        address: u16,
+        quantity: u16,
+    ) -> Result<Vec<u16, MAX_WORDS>, AxisError> {
         let request = Request::ReadHoldingRegisters { address, quantity }.emit();
         let reply = self.submit(Class::Free, request.clone())?.await?;
         match Reply::parse(&request, &reply) {
@@ -53,7 +57,12 @@ impl<'a> Link<'a> {
     }
 
     /// Writes one register; dropped unsent when the permit is revoked first.
-    pub(super) async fn write_guarded(&self, address: u16, value: u16, permit: Permit) -> Result<(), AxisError> {
+    pub(super) async fn write_guarded(
+        &self,
+        address: u16,
+        value: u16,
+        permit: Permit,
+    ) -> Result<(), AxisError> {
         self.start_write(address, value, Class::Guarded(permit))?.confirmed().await
     }
 }

@@ -228,7 +228,13 @@ impl Axes {
 
     /// Turns the axis at `rpm` r/min, negative for reverse, while its commander shows life; 0 stops it. Takes the
     /// lease for `hold`, or for the configured time.
-    pub async fn jog(&self, id: u8, by: Commander, rpm: i32, hold: Option<Duration>) -> Result<(), AxisError> {
+    pub async fn jog(
+        &self,
+        id: u8,
+        by: Commander,
+        rpm: i32,
+        hold: Option<Duration>,
+    ) -> Result<(), AxisError> {
         let axis = self.get(id)?;
         let max = i32::from(axis.spec.max_rpm);
         let speed = match i16::try_from(rpm) {
@@ -258,7 +264,9 @@ impl Axes {
         }
         match result {
             // The write may have reached the drive: keep the lease, so that its end stops the axis.
-            Err(AxisError::Failure(crate::desk::Failure::NoReply(_))) => self.desk.moving(clock::now(), permit),
+            Err(AxisError::Failure(crate::desk::Failure::NoReply(_))) => {
+                self.desk.moving(clock::now(), permit)
+            }
             Err(_) => self.desk.unlease(permit),
             Ok(()) => {}
         }

@@ -20,7 +20,13 @@ pub struct Ruling {
 impl Axes {
     /// Judges a raw request to `unit` of `bus`; 0 is a broadcast. Refused with exception 06 where another client holds
     /// the lease, and with 01 where it would move all axes at once, which no lease covers.
-    pub fn judge(&self, by: Commander, bus: u8, unit: u8, request: &Request<'_>) -> Result<Ruling, Exception> {
+    pub fn judge(
+        &self,
+        by: Commander,
+        bus: u8,
+        unit: u8,
+        request: &Request<'_>,
+    ) -> Result<Ruling, Exception> {
         let mut ruling = Ruling { class: Class::Free, motion: None };
         for (id, axis) in self.addressed(bus, unit) {
             let now = clock::now();

@@ -52,7 +52,9 @@ pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) 
             }
         }
         match select3(line.read(&mut buffer), clock::at(wake), work.changed()).await {
-            Either3::First(Ok(n)) if n > 0 => master.receive(clock::now(), buffer.get(..n).unwrap_or_default()),
+            Either3::First(Ok(n)) if n > 0 => {
+                master.receive(clock::now(), buffer.get(..n).unwrap_or_default())
+            }
             Either3::First(read) => {
                 master.line_error(clock::now());
                 // A spoilt character is over; a port that is gone takes its time.

@@ -165,7 +165,13 @@ impl Desk {
     }
 
     /// Leave to move an axis: takes or renews the lease for `hold` (the desk's lease time where none is given).
-    pub fn lease(&self, now: Instant, axis: u8, holder: Holder, hold: Option<Duration>) -> Result<Permit, Leased> {
+    pub fn lease(
+        &self,
+        now: Instant,
+        axis: u8,
+        holder: Holder,
+        hold: Option<Duration>,
+    ) -> Result<Permit, Leased> {
         let hold = hold.unwrap_or(self.lease_time);
         let permit = self.on_axis(axis, |state| {
             state.refuse_others(holder, now)?;
@@ -176,8 +182,12 @@ impl Desk {
                 state.standstill = Some((holder, now + STANDSTILL));
                 return Err(Leased::Standstill(STANDSTILL));
             }
-            let lease =
-                state.lease.get_or_insert(Lease { holder, hold, until: now + hold.max(PREPARING), running: false });
+            let lease = state.lease.get_or_insert(Lease {
+                holder,
+                hold,
+                until: now + hold.max(PREPARING),
+                running: false,
+            });
             lease.hold = hold;
             if lease.running {
                 lease.until = now + hold;

@@ -75,7 +75,9 @@ impl Queue {
     pub(super) fn insert(&mut self, order: Order, arrived: Instant, deadline: Instant) -> Option<Ticket> {
         if order.class != Class::Stop {
             let of_seat = |e: &&Entry| !matches!(e.phase, Phase::Free) && e.order.seat == order.seat;
-            if self.entries.iter().filter(of_seat).count() >= PIPELINE || self.used() + STOP_RESERVE >= TICKETS {
+            if self.entries.iter().filter(of_seat).count() >= PIPELINE
+                || self.used() + STOP_RESERVE >= TICKETS
+            {
                 return None;
             }
         }
@@ -155,20 +157,28 @@ impl Work for BusQueue<'_> {
                     wake = Some(wake.map_or(moment, |wake| wake.min(moment)));
                     continue;
                 }
-                let rank =
-                    (entry.order.class != Class::Stop, distance(entry.order.seat, bus.last_seat), entry.serial);
+                let rank = (
+                    entry.order.class != Class::Stop,
+                    distance(entry.order.seat, bus.last_seat),
+                    entry.serial,
+                );
                 if best.is_none_or(|(other, _)| rank < other) {
                     best = Some((rank, index));
                 }
             }
-            let Some((index, entry)) = best.and_then(|(_, i)| Some((i, state.queue.entries.get_mut(i)?))) else {
+            let Some((index, entry)) = best.and_then(|(_, i)| Some((i, state.queue.entries.get_mut(i)?)))
+            else {
                 return Next::Wait(wake);
             };
             entry.phase = Phase::OnWire;
             if entry.order.class != Class::Stop {
                 bus.last_seat = entry.order.seat;
             }
-            Next::Job(Job { ticket: Ticket(index as u16), unit: entry.order.unit, pdu: entry.order.pdu.clone() })
+            Next::Job(Job {
+                ticket: Ticket(index as u16),
+                unit: entry.order.unit,
+                pdu: entry.order.pdu.clone(),
+            })
         })
     }
 

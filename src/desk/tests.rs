@@ -15,11 +15,8 @@ const LEASE: Duration = Duration::from_millis(250);
 fn desk() -> Desk {
     let mut units = Units::default();
     (1..=16).for_each(|unit| units.insert(unit));
-    let spec = BusSpec {
-        units,
-        queue_timeout: Duration::from_secs(3),
-        reply_timeout: Duration::from_millis(500),
-    };
+    let spec =
+        BusSpec { units, queue_timeout: Duration::from_secs(3), reply_timeout: Duration::from_millis(500) };
     Desk::new([spec], LEASE)
 }
 

@@ -52,4 +52,3 @@ fn refusal(error: FrameError) -> Reply {
     let _ = write!(reply, "error {code} {error}\r\n");
     reply
 }
-

@@ -150,10 +150,10 @@ pub(super) async fn serve<R: Read, W: Write>(
             return End::Closed;
         }
         let quiet = open.is_empty();
-        let silence = async {
-            if quiet { Timer::after(idle(gateway)).await } else { core::future::pending().await }
-        };
-        match select3(poll_fn(|context| poll_any(&mut open, context, &gateway.axes)), inbox.fill(), silence).await
+        let silence =
+            async { if quiet { Timer::after(idle(gateway)).await } else { core::future::pending().await } };
+        match select3(poll_fn(|context| poll_any(&mut open, context, &gateway.axes)), inbox.fill(), silence)
+            .await
         {
             Either3::First((transaction, result)) => {
                 let pdu = match result {
@@ -161,7 +161,8 @@ pub(super) async fn serve<R: Read, W: Write>(
                     Ok(pdu) => pdu,
                     Err(exception) => Pdu::from_iter(exception.pdu(transaction.function)),
                 };
-                if let Err(end) = send(writer, &mbap::emit(transaction.number, transaction.unit, &pdu)).await {
+                if let Err(end) = send(writer, &mbap::emit(transaction.number, transaction.unit, &pdu)).await
+                {
                     return end;
                 }
             }

@@ -122,7 +122,9 @@ impl Settings {
         if !(1..=247).contains(&axis.address) {
             return problem("address", "1 to 247 is allowed");
         }
-        if let Some(other) = before.iter().find(|other| other.bus == axis.bus && other.address == axis.address) {
+        if let Some(other) =
+            before.iter().find(|other| other.bus == axis.bus && other.address == axis.address)
+        {
             return Err(Problem::SameDrive { axis: axis.name.clone(), other: other.name.clone() });
         }
         if axis.max_rpm == 0 || axis.max_rpm > i16::MAX as u16 {

@@ -310,4 +310,3 @@ impl Settings {
         self.buses.iter().position(|bus| bus.name == name).map(|index| index as u8)
     }
 }
-

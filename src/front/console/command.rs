@@ -61,7 +61,9 @@ impl fmt::Display for Mistake<'_> {
             Mistake::Text => f.write_str("the line has characters that are no printable ASCII"),
             Mistake::Unknown(word) => write!(f, "'{}' is no command; try 'help'", Shown(word)),
             Mistake::Usage(usage) => write!(f, "expected: {usage}"),
-            Mistake::Parameter(word) => write!(f, "'{}' is no parameter; write Pn and a number, as in Pn037", Shown(word)),
+            Mistake::Parameter(word) => {
+                write!(f, "'{}' is no parameter; write Pn and a number, as in Pn037", Shown(word))
+            }
             Mistake::Number(word) => write!(f, "'{}' is no number that is allowed here", Shown(word)),
             Mistake::Unsupported(dialect) => write!(f, "{dialect} is not spoken by this version"),
         }

@@ -25,11 +25,15 @@ pub(super) async fn answer(gateway: &Gateway, guest: Guest, gone: bool, line: &[
     let _ = match command::parse(line) {
         Err(mistake) => write!(reply, "error {} {mistake}", mistake.code()),
         Ok(command) if guest.stop_only && !command.stops() => {
-            write!(reply, "error full {} clients are connected; only stop and disable are served", gateway.settings.net.clients)
+            write!(
+                reply,
+                "error full {} clients are connected; only stop and disable are served",
+                gateway.settings.net.clients
+            )
         }
-        Ok(command) if gone && command.moves() => {
-            reply.push_str("error gone the client has closed its side, so nothing would stop the axis").map_err(|_| core::fmt::Error)
-        }
+        Ok(command) if gone && command.moves() => reply
+            .push_str("error gone the client has closed its side, so nothing would stop the axis")
+            .map_err(|_| core::fmt::Error),
         Ok(Command::Help) => reply.push_str(HELP).map_err(|_| core::fmt::Error),
         Ok(Command::Feed) => reply.push_str("ok").map_err(|_| core::fmt::Error),
         Ok(Command::Axes) => axes(gateway, &mut reply),
@@ -124,7 +128,11 @@ async fn axis(
         }
         AxisCommand::Alarm => {
             let number = axes.alarm(id, by).await?;
-            let text = puente_drives::edb::alarm_name(number).unwrap_or(if number == 0 { "none" } else { "undefined" });
+            let text = puente_drives::edb::alarm_name(number).unwrap_or(if number == 0 {
+                "none"
+            } else {
+                "undefined"
+            });
             say(reply, format_args!(" alarm={number} text=\"{text}\""));
         }
         AxisCommand::Clear => {
@@ -167,7 +175,10 @@ fn status(gateway: &Gateway, id: u8, snapshot: &Snapshot, reply: &mut Reply) {
         say(reply, format_args!(" lease=\"{holder}\" lease_ms={}", left.as_millis()));
     }
     if let Some(event) = gateway.axes.event(id) {
-        say(reply, format_args!(" event={} event_age_ms={}", event.cause.name(), now.since(event.at).as_millis()));
+        say(
+            reply,
+            format_args!(" event={} event_age_ms={}", event.cause.name(), now.since(event.at).as_millis()),
+        );
     }
 }
 
@@ -209,7 +220,11 @@ async fn scan(
     (first, last): (u8, u8),
     reply: &mut Reply,
 ) -> core::fmt::Result {
-    write!(reply, "ok bus={} scanned={first}-{last} found=", gateway.settings.buses.get(usize::from(bus)).map_or("", |b| b.name.as_str()))?;
+    write!(
+        reply,
+        "ok bus={} scanned={first}-{last} found=",
+        gateway.settings.buses.get(usize::from(bus)).map_or("", |b| b.name.as_str())
+    )?;
     let address = puente_drives::edb::register::STATUS;
     let mut separator = "";
     for unit in first..=last {

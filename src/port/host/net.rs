@@ -29,8 +29,9 @@ impl Doors {
     /// Opens both; port 0 lets the system choose.
     pub fn open(bind: Ipv4Addr, port: u16, modbus_port: u16) -> io::Result<Self> {
         let open = |port| {
-            Async::<TcpListener>::bind((bind, port))
-                .map_err(|error| io::Error::new(error.kind(), format!("cannot listen on {bind}:{port}: {error}")))
+            Async::<TcpListener>::bind((bind, port)).map_err(|error| {
+                io::Error::new(error.kind(), format!("cannot listen on {bind}:{port}: {error}"))
+            })
         };
         Ok(Self { main: Arc::new(open(port)?), modbus: Arc::new(open(modbus_port)?) })
     }

@@ -10,7 +10,8 @@ use rustix::termios::{self, ControlModes, OptionalActions, SpecialCodeIndex};
 /// Opens a serial device or pseudo-terminal: raw, with this baud rate and format, for this process alone.
 pub(super) fn open(path: &str, settings: Settings) -> io::Result<File> {
     let nonblocking = rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::NOCTTY;
-    let file = OpenOptions::new().read(true).write(true).custom_flags(nonblocking.bits() as i32).open(path)?;
+    let file =
+        OpenOptions::new().read(true).write(true).custom_flags(nonblocking.bits() as i32).open(path)?;
     let mut modes = termios::tcgetattr(&file)?;
     modes.make_raw();
     modes.control_modes -= ControlModes::CSIZE

@@ -1,1 +1,68 @@
-fn main() {}
+//! Every build and check of puente: `cargo xtask COMMAND`.
+
+mod board;
+mod command;
+mod cross;
+mod firmware;
+mod fuzz;
+mod peers;
+mod size;
+mod test;
+
+use std::process::ExitCode;
+
+/// What a command reports when it fails: one message for the user.
+type Outcome = Result<(), String>;
+
+struct Command {
+    name: &'static str,
+    usage: &'static str,
+    does: &'static str,
+    run: fn(&[String]) -> Outcome,
+}
+
+const COMMANDS: &[Command] = &[
+    Command { name: "test", usage: "", does: "every check, as the CI runs them", run: test::run },
+    Command {
+        name: "firmware",
+        usage: "[--board NAME|all]",
+        does: "build the images to flash",
+        run: firmware::run,
+    },
+    Command {
+        name: "size",
+        usage: "[--board NAME|all] [--top N]",
+        does: "flash and RAM of each board against its budget, and the N largest statics",
+        run: size::run,
+    },
+    Command { name: "fuzz", usage: "[--smoke] [TARGET]", does: "run the fuzz targets", run: fuzz::run },
+    Command { name: "peers", usage: "", does: "exchange with independent Modbus programs", run: peers::run },
+];
+
+fn main() -> ExitCode {
+    let mut arguments = std::env::args().skip(1);
+    let name = arguments.next().unwrap_or_default();
+    let arguments: Vec<String> = arguments.collect();
+    let Some(command) = COMMANDS.iter().find(|command| command.name == name) else {
+        help();
+        return if matches!(name.as_str(), "help" | "--help") {
+            ExitCode::SUCCESS
+        } else {
+            ExitCode::FAILURE
+        };
+    };
+    match (command.run)(&arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{name}: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn help() {
+    eprintln!("cargo xtask COMMAND");
+    for Command { name, usage, does, .. } in COMMANDS {
+        eprintln!("  {:<38}{does}", format!("{name} {usage}"));
+    }
+}

@@ -1,0 +1,82 @@
+//! ST Nucleo-144 boards with Ethernet. docs/boards.md has the pins and the wiring.
+//!
+//! Interrupt priorities, the most urgent first: USARTs and the clock (0), bus tasks (6), Ethernet (8), then everything
+//! else in thread mode.
+
+mod executor;
+mod fault;
+pub mod limits;
+mod line;
+mod mac;
+mod net;
+mod socket;
+
+#[cfg(feature = "nucleo-f767zi")]
+#[path = "f767zi.rs"]
+mod board;
+#[cfg(feature = "nucleo-h753zi")]
+#[path = "h753zi.rs"]
+mod board;
+
+use defmt_rtt as _;
+use embassy_executor::{SendSpawner, Spawner};
+use embassy_net::Stack;
+use embassy_stm32::rng::Rng;
+use embassy_stm32::uid;
+
+pub use line::{Error as LineError, Line, a::Parts as LineA, b::Parts as LineB};
+pub use net::Address;
+pub use socket::{Listener, Socket};
+
+/// What the board offers to the application.
+pub struct Board {
+    /// Spawns bus tasks, above everything in thread mode.
+    pub buses: SendSpawner,
+    /// RS-485 line a: USART2, TX PD5, RX PD6, DE PD4.
+    pub line_a: LineA,
+    /// RS-485 line b: UART7, TX PE8, RX PE7, DE PE9.
+    pub line_b: LineB,
+    /// The board's MAC address.
+    pub mac: [u8; 6],
+    stack: Stack<'static>,
+}
+
+impl Board {
+    /// Starts clocks, network and executors. Call it once, first of all.
+    pub fn start(spawner: Spawner, address: Address) -> Self {
+        let p = embassy_stm32::init(board::config());
+        board::enable_ethernet_memory();
+        if let Some(mut core) = cortex_m::Peripherals::take() {
+            // Flash has wait states. The data cache stays off: see net.rs.
+            core.SCB.enable_icache();
+        }
+        let mut seed = [0; 8];
+        Rng::new(p.RNG, board::RandomInterrupt).fill_bytes(&mut seed);
+        let mac = mac::from_unique_id(&uid::uid());
+        let ethernet = net::Parts {
+            eth: p.ETH,
+            sma: p.ETH_SMA,
+            ref_clk: p.PA1,
+            mdio: p.PA2,
+            mdc: p.PC1,
+            crs_dv: p.PA7,
+            rxd0: p.PC4,
+            rxd1: p.PC5,
+            tx_en: p.PG11,
+            txd0: p.PG13,
+            txd1: p.PB13,
+        };
+        Self {
+            buses: executor::start(),
+            line_a: LineA { usart: p.USART2, tx: p.PD5, rx: p.PD6, de: p.PD4 },
+            line_b: LineB { usart: p.UART7, tx: p.PE8, rx: p.PE7, de: p.PE9 },
+            mac,
+            stack: net::start(spawner, ethernet, mac, address, u64::from_le_bytes(seed)),
+        }
+    }
+
+    /// The places for clients on the main and the Modbus/TCP port. Call it once.
+    pub fn listeners(&self, main: u16, modbus: u16) -> [Listener; limits::SLOTS] {
+        socket::listeners(self.stack, main, modbus)
+    }
+}

@@ -1,0 +1,48 @@
+//! `cargo xtask firmware`: the images to flash.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::Command;
+
+use crate::Outcome;
+use crate::board::{self, Board};
+use crate::command::{Options, run as run_command, target_dir};
+use crate::cross::{Cross, TARGET};
+
+pub fn run(arguments: &[String]) -> Outcome {
+    let mut options = Options::new(arguments);
+    let boards = board::named(options.value("--board")?.unwrap_or("all"))?;
+    options.end()?;
+    let cross = Cross::find()?;
+    for board in boards {
+        println!("{} {}", board.name, build(&cross, board)?.display());
+    }
+    Ok(())
+}
+
+/// Builds the gateway for a board, and returns its image: an ELF file.
+pub fn build(cross: &Cross, board: &Board) -> Result<PathBuf, String> {
+    run_command(of_board(cross.cargo("build"), board).args(["--release", "--quiet"]))?;
+    // Every board's image comes out under the same name.
+    let target = target_dir()?;
+    let folder = target.join("firmware");
+    let image = folder.join(format!("puente-{}.elf", board.name));
+    let built = target.join(TARGET).join("release").join("gateway");
+    fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    fs::copy(&built, &image).map_err(|error| format!("{}: {error}", built.display()))?;
+    Ok(image)
+}
+
+/// Narrows a cargo command to what runs on a board.
+pub fn of_board(mut cargo: Command, board: &Board) -> Command {
+    cargo.args([
+        "--package",
+        "puente",
+        "--bin",
+        "gateway",
+        "--no-default-features",
+        "--features",
+        board.name,
+    ]);
+    cargo
+}
