@@ -41,7 +41,7 @@ struct Jog {
 /// Assumed behaviour, where no source was found: an alarm and the loss of mains reset the JOG registers, so that
 /// clearing an alarm never starts a motor; enabling a drive that has an alarm or no mains answers exception 04; a
 /// direction written while the servo is off is not kept; both directions at once mean stop; a write to a read-only
-/// register answers exception 02; 1000h reads as the status word. Parameters of unknown meaning take any value and are
+/// register answers exception 02; 1000h reads as the status word, whose WAIT means servo off. Parameters of unknown meaning take any value and are
 /// 0 at power-up; a new value of Pn210 to Pn216 is stored but changes nothing.
 #[derive(Clone, Debug)]
 pub struct Drive {
