@@ -289,6 +289,10 @@ impl Axes {
     ) -> Result<(), AxisError> {
         let axis = self.get(id)?;
         let permit = self.desk.permit(clock::now(), id, by.holder)?;
+        if parameter.address() == axis.spec.registers.jog_speed {
+            // A running jog changes its speed with it.
+            axis.forget();
+        }
         self.link(axis, by.seat).write_guarded(parameter.address(), value, permit).await
     }
 

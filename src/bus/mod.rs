@@ -22,6 +22,7 @@ pub struct Job {
 pub struct Ticket(pub u16);
 
 /// What there is to do.
+#[allow(clippy::large_enum_variant, reason = "there is no heap, and it lives for a moment")]
 pub enum Next {
     /// Send this.
     Job(Job),
@@ -33,6 +34,8 @@ pub enum Next {
 pub enum End<'a> {
     /// The master's verdict.
     Master(Outcome<'a>),
+    /// The port is not there; nothing was sent.
+    NotSent,
     /// The port failed while the request was being written: it may be on the wire, in part or whole.
     LineDown,
 }

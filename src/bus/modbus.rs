@@ -21,10 +21,10 @@ pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) 
         let now = clock::now();
         match master.poll(now) {
             Action::Transmit(frame) => {
-                let written = async { line.write_all(frame).await.is_ok() && line.flush().await.is_ok() };
-                if !written.await {
+                if let Err(error) = send(line, frame).await {
                     master = Master::new(config);
-                    finish(work, &mut current, End::LineDown);
+                    let untouched = error.kind() == ErrorKind::NotConnected;
+                    finish(work, &mut current, if untouched { End::NotSent } else { End::LineDown });
                     Timer::after(RETRY).await;
                 }
                 continue;
@@ -65,6 +65,11 @@ pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) 
             Either3::Second(()) | Either3::Third(()) => {}
         }
     }
+}
+
+async fn send<L: SerialLine>(line: &mut L, frame: &[u8]) -> Result<(), L::Error> {
+    line.write_all(frame).await?;
+    line.flush().await
 }
 
 fn finish(work: &impl Work, current: &mut Option<Ticket>, end: End<'_>) {

@@ -204,7 +204,7 @@ impl Desk {
             let ticket = state.queue.insert(order, now, deadline);
             found.statistics.submitted += 1;
             if ticket.is_none() {
-                found.statistics.queue_full += 1;
+                found.statistics.not_sent(Reason::QueueFull);
             }
             ticket.ok_or(Reason::QueueFull)
         });

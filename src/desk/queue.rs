@@ -139,8 +139,9 @@ impl Work for BusQueue<'_> {
                     continue;
                 }
                 let refusal = match entry.order.class {
+                    Class::Stop => None,
                     _ if entry.deadline <= now => Some(Reason::Expired),
-                    Class::Stop | Class::Probe => None,
+                    Class::Probe => None,
                     Class::Guarded(permit) if !permit.valid(&state.leases, now) => Some(Reason::Stopped),
                     Class::Guarded(_) | Class::Free => {
                         bus.breaker.rest(entry.order.unit, now).map(Reason::Resting)
@@ -214,6 +215,10 @@ impl Work for BusQueue<'_> {
                     bus.breaker.missed(entry.order.unit, now);
                     bus.statistics.no_reply += 1;
                     Err(Failure::NoReply(evidence))
+                }
+                End::NotSent => {
+                    bus.statistics.not_sent(Reason::LineDown);
+                    Err(Failure::NotSent(Reason::LineDown))
                 }
                 End::LineDown => {
                     bus.statistics.no_reply += 1;

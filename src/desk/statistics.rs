@@ -27,6 +27,8 @@ pub struct Statistics {
     pub rested: u32,
     /// Requests not sent: a stop came first.
     pub stopped: u32,
+    /// Requests not sent: the port was down.
+    pub line_down: u32,
     /// Requests refused: the queue was full.
     pub queue_full: u32,
     /// Requests waiting now.
@@ -59,7 +61,9 @@ impl Statistics {
             Reason::Expired => self.expired += 1,
             Reason::Resting(_) => self.rested += 1,
             Reason::Stopped => self.stopped += 1,
-            Reason::Unmapped | Reason::QueueFull | Reason::LineDown => {}
+            Reason::LineDown => self.line_down += 1,
+            Reason::QueueFull => self.queue_full += 1,
+            Reason::Unmapped => {}
         }
     }
 }

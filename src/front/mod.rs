@@ -10,8 +10,7 @@ mod sniff;
 
 use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
-use embassy_futures::select::{Either, select};
-use embassy_time::{Timer, with_timeout};
+use embassy_time::with_timeout;
 use embedded_io_async::Write;
 use puente_line::Instant;
 
@@ -83,16 +82,30 @@ impl Guest {
     }
 }
 
-/// Counts a guest as long as it lives, and takes its leases back when it is gone, however that comes about.
+/// Counts a client as long as it is served, and takes its leases back when it is gone, however that comes about.
 struct Visit<'g> {
     gateway: &'g Gateway,
-    connection: u32,
+    guest: Guest,
+}
+
+impl<'g> Visit<'g> {
+    /// Who comes when all places are taken is not counted among the clients: it may only stop axes.
+    fn new(gateway: &'g Gateway, seat: u8, peer: Peer) -> Self {
+        // Never 0, so that a number names a connection for good.
+        let connection = gateway.connections.fetch_add(1, Ordering::Relaxed).wrapping_add(1);
+        let limit = usize::from(gateway.settings.net.clients);
+        let one_more = |clients| (clients < limit).then_some(clients + 1);
+        let counted = gateway.clients.fetch_update(Ordering::Relaxed, Ordering::Relaxed, one_more);
+        Self { gateway, guest: Guest { seat, connection, peer, stop_only: counted.is_err() } }
+    }
 }
 
 impl Drop for Visit<'_> {
     fn drop(&mut self) {
-        self.gateway.clients.fetch_sub(1, Ordering::Relaxed);
-        self.gateway.desk.leave(clock::now(), self.connection);
+        if !self.guest.stop_only {
+            self.gateway.clients.fetch_sub(1, Ordering::Relaxed);
+        }
+        self.gateway.desk.leave(clock::now(), self.guest.connection);
     }
 }
 
@@ -100,23 +113,17 @@ impl Drop for Visit<'_> {
 pub async fn serve(gateway: &'static Gateway, seat: u8, listener: &mut impl Listener) -> ! {
     loop {
         let mut socket = listener.accept().await;
-        let others = gateway.clients.fetch_add(1, Ordering::Relaxed);
-        // Never 0, so that a number names a connection for good.
-        let connection = gateway.connections.fetch_add(1, Ordering::Relaxed).wrapping_add(1);
-        let visit = Visit { gateway, connection };
-        let stop_only = others >= usize::from(gateway.settings.net.clients);
-        let guest = Guest { seat, connection, peer: socket.peer(), stop_only };
-        log::info!("client {connection}: {} connected", guest.peer);
-        let end = if stop_only {
-            match select(attend(gateway, guest, &mut socket), Timer::after(STOP_VISIT)).await {
-                Either::First(end) => end,
-                Either::Second(()) => End::Idle,
-            }
+        let visit = Visit::new(gateway, seat, socket.peer());
+        let guest = visit.guest;
+        log::info!("client {}: {} connected", guest.connection, guest.peer);
+        let attended = attend(gateway, guest, &mut socket);
+        let end = if guest.stop_only {
+            with_timeout(STOP_VISIT, attended).await.unwrap_or(End::Idle)
         } else {
-            attend(gateway, guest, &mut socket).await
+            attended.await
         };
         drop(visit);
-        log::info!("client {connection}: {}", end.text());
+        log::info!("client {}: {}", guest.connection, end.text());
         match end {
             End::Closed | End::Idle | End::Refused => socket.close().await,
             End::Broken | End::Slow => socket.abort(),

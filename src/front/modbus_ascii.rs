@@ -5,7 +5,7 @@ use core::fmt::Write;
 use puente_modbus::{FrameError, ascii};
 
 use super::lines::Reply;
-use super::modbus_tcp::{Route, route};
+use super::modbus_tcp::route;
 use super::{Gateway, Guest};
 
 /// The reply frame; empty after a broadcast. What is no frame gets a line `error ...`, which a Modbus ASCII master
@@ -18,8 +18,8 @@ pub(super) async fn answer(gateway: &Gateway, guest: Guest, gone: bool, line: &[
     let function = frame.pdu.first().copied().unwrap_or_default();
     let mut reply = Reply::new();
     match route(gateway, guest, gone, frame.unit, &frame.pdu) {
-        Route::Refused(exception) => push(&mut reply, frame.unit, &exception.pdu(function)),
-        Route::Flights(flights) => {
+        Err(exception) => push(&mut reply, frame.unit, &exception.pdu(function)),
+        Ok(flights) => {
             for flight in flights {
                 let broadcast = flight.broadcast;
                 let ended = flight.ended(&gateway.axes).await;

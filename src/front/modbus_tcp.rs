@@ -56,40 +56,36 @@ fn exception(failure: Failure) -> Exception {
     }
 }
 
-/// Where a request goes.
-pub(super) enum Route<'g> {
-    /// Nowhere, and why.
-    Refused(Exception),
-    /// To its bus; a broadcast to every bus.
-    Flights(Vec<Flight<'g>, BUSES>),
-}
+/// The flights of one request: one, or one a bus for a broadcast.
+pub(super) type Flights<'g> = Vec<Flight<'g>, BUSES>;
 
-/// Judges and queues a request. `gone` tells that its client has closed its side and may not start motion any more.
-pub(super) fn route<'g>(gateway: &'g Gateway, guest: Guest, gone: bool, unit: u8, pdu: &[u8]) -> Route<'g> {
+/// Judges a request and queues it for its bus, a broadcast for every bus. `gone` tells that its client has closed its
+/// side and may not start motion any more.
+pub(super) fn route<'g>(
+    gateway: &'g Gateway,
+    guest: Guest,
+    gone: bool,
+    unit: u8,
+    pdu: &[u8],
+) -> Result<Flights<'g>, Exception> {
     let buses = match unit {
         0 => 0..gateway.desk.buses(),
         _ => match gateway.desk.route(unit) {
             Some(bus) => bus..bus + 1,
-            None => return Route::Refused(Exception::GatewayPathUnavailable),
+            None => return Err(Exception::GatewayPathUnavailable),
         },
     };
-    let (request, owned) = match (Request::parse(pdu), Pdu::from_slice(pdu)) {
-        (Ok(request), Ok(owned)) => (request, owned),
-        (Err(exception), _) => return Route::Refused(exception),
-        (_, Err(_)) => return Route::Refused(Exception::IllegalDataValue),
-    };
+    let request = Request::parse(pdu)?;
+    let owned = Pdu::from_slice(pdu).map_err(|_| Exception::IllegalDataValue)?;
     if unit == 0 && !request.is_write() {
-        return Route::Refused(Exception::IllegalFunction);
+        return Err(Exception::IllegalFunction);
     }
     let mut flights = Vec::new();
     for bus in buses {
-        let ruling = match gateway.axes.judge(guest.commander(), bus, unit, &request) {
-            Ok(ruling) => ruling,
-            Err(exception) => return Route::Refused(exception),
-        };
+        let ruling = gateway.axes.judge(guest.commander(), bus, unit, &request)?;
         if guest.stop_only && ruling.class != Class::Stop || gone && ruling.motion.is_some() {
             gateway.axes.raw_ended(&ruling, false);
-            return Route::Refused(Exception::ServerDeviceBusy);
+            return Err(Exception::ServerDeviceBusy);
         }
         let order = Order { seat: guest.seat, bus, unit, class: ruling.class, pdu: owned.clone() };
         match gateway.desk.submit(clock::now(), order) {
@@ -99,11 +95,11 @@ pub(super) fn route<'g>(gateway: &'g Gateway, guest: Guest, gone: bool, unit: u8
             }
             Err(failure) => {
                 gateway.axes.raw_ended(&ruling, false);
-                return Route::Refused(exception(failure));
+                return Err(exception(failure));
             }
         }
     }
-    Route::Flights(flights)
+    Ok(flights)
 }
 
 /// A request of this connection, and how its reply is addressed.
@@ -130,8 +126,8 @@ pub(super) async fn serve<R: Read, W: Write>(
             };
             let function = pdu.first().copied().unwrap_or_default();
             let refusal = match route(gateway, guest, inbox.ended(), header.unit, &pdu) {
-                Route::Refused(exception) => Some(exception),
-                Route::Flights(flights) => flights.into_iter().find_map(|flight| {
+                Err(exception) => Some(exception),
+                Ok(flights) => flights.into_iter().find_map(|flight| {
                     let (number, unit) = (header.transaction, header.unit);
                     // The desk takes no more of one client than fit here, except stops.
                     open.push(Transaction { number, unit, function, flight })

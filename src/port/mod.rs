@@ -77,5 +77,6 @@ pub trait Listener {
 }
 
 /// The bytes of one serial line. `read` answers with what is there, and must lose nothing when it is dropped.
-/// After an error both methods may be called again: the port reopens the line, waiting where it must.
+/// After an error both methods may be called again: the port reopens the line, waiting where it must. A write that
+/// fails with `NotConnected` has sent nothing; an error of a spoilt character is `InvalidData`.
 pub trait SerialLine: Read + Write {}

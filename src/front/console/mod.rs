@@ -202,7 +202,7 @@ fn bus_status(gateway: &Gateway, bus: u8, reply: &mut Reply) -> core::fmt::Resul
         counted.confirmed,
         counted.exceptions,
         counted.no_reply,
-        counted.expired + counted.rested + counted.stopped + counted.queue_full,
+        counted.expired + counted.rested + counted.stopped + counted.line_down + counted.queue_full,
         counted.line.late,
         counted.line.check_errors,
         counted.line.garbage_bytes,

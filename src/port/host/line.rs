@@ -73,7 +73,7 @@ impl LineSpec {
 
 enum Wire {
     Closed,
-    Sim(Sim),
+    Sim(Box<Sim>),
     Tty(Async<File>),
     Tcp(Async<TcpStream>),
 }
@@ -97,7 +97,7 @@ impl Line {
             return Ok(());
         }
         let opened = match &self.spec {
-            LineSpec::Sim(config) => Ok(Wire::Sim(Sim::new(config.clone()))),
+            LineSpec::Sim(config) => Ok(Wire::Sim(Box::new(Sim::new(config.clone())))),
             LineSpec::Tty { path, settings } => {
                 tty::open(path, *settings).and_then(Async::new).map(Wire::Tty)
             }
@@ -163,7 +163,7 @@ impl Read for Line {
 
 impl Write for Line {
     async fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.open().await?;
+        self.open().await.map_err(|error| io::Error::new(io::ErrorKind::NotConnected, error))?;
         let written = match &mut self.wire {
             Wire::Closed => Ok(0),
             Wire::Sim(sim) => {
