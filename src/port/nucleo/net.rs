@@ -54,8 +54,8 @@ pub struct Address {
 }
 
 impl Address {
-    /// 192.168.1.111/24, as in the thesis.
-    pub const DEFAULT: Self = Self { ip: [192, 168, 1, 111], prefix: 24, gateway: None };
+    /// 192.168.1.111/24, the address of the thesis' gateway.
+    pub const THESIS: Self = Self { ip: [192, 168, 1, 111], prefix: 24, gateway: None };
 }
 
 /// Starts the stack. `seed` makes TCP sequence numbers hard to guess.

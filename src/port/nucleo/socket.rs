@@ -23,14 +23,14 @@ const MAIN_SEND: usize = 2 * 1460;
 const MODBUS_BUFFER: usize = 520;
 
 /// One place for a client.
-pub struct Listener {
+pub struct Place {
     socket: TcpSocket<'static>,
     tcp_port: u16,
     door: Door,
 }
 
 /// Opens all places. Call it once.
-pub(super) fn listeners(stack: Stack<'static>, main: u16, modbus: u16) -> [Listener; SLOTS] {
+pub(super) fn places(stack: Stack<'static>, main: u16, modbus: u16) -> [Place; SLOTS] {
     type Buffers<const N: usize, const RECEIVE: usize, const SEND: usize> = [([u8; RECEIVE], [u8; SEND]); N];
     static MAIN: ConstStaticCell<Buffers<MAIN_SLOTS, MAIN_RECEIVE, MAIN_SEND>> =
         ConstStaticCell::new([([0; MAIN_RECEIVE], [0; MAIN_SEND]); MAIN_SLOTS]);
@@ -38,16 +38,16 @@ pub(super) fn listeners(stack: Stack<'static>, main: u16, modbus: u16) -> [Liste
         ConstStaticCell::new([([0; MODBUS_BUFFER], [0; MODBUS_BUFFER]); MODBUS_SLOTS]);
 
     let main =
-        MAIN.take().iter_mut().map(|(receive, send)| Listener::new(stack, receive, send, main, Door::Main));
+        MAIN.take().iter_mut().map(|(receive, send)| Place::new(stack, receive, send, main, Door::Main));
     let modbus = MODBUS
         .take()
         .iter_mut()
-        .map(|(receive, send)| Listener::new(stack, receive, send, modbus, Door::Modbus));
+        .map(|(receive, send)| Place::new(stack, receive, send, modbus, Door::Modbus));
     let mut all = main.chain(modbus);
     core::array::from_fn(|_| all.next().expect("SLOTS is the sum of both"))
 }
 
-impl Listener {
+impl Place {
     fn new(
         stack: Stack<'static>,
         receive: &'static mut [u8],
@@ -64,7 +64,7 @@ impl Listener {
     }
 }
 
-impl port::Listener for Listener {
+impl port::Listener for Place {
     type Socket<'a> = Socket<'a>;
 
     async fn accept(&mut self) -> Socket<'_> {
