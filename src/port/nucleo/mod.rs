@@ -3,6 +3,7 @@
 //! Interrupt priorities, the most urgent first: USARTs and the clock (0), bus tasks (6), Ethernet (8), then everything
 //! else in thread mode.
 
+mod doors;
 mod executor;
 mod fault;
 pub mod limits;
@@ -80,6 +81,6 @@ impl Board {
 
     /// The places for clients on the main and the Modbus/TCP port. Call it once.
     pub fn places(&self, main: u16, modbus: u16) -> [Place; limits::SLOTS] {
-        socket::places(self.stack, main, modbus)
+        socket::places(self.stack, socket::Ports { main, modbus })
     }
 }

@@ -18,7 +18,7 @@ bind_interrupts!(struct Interrupts {
 });
 
 /// Frames that wait for the wire, and frames that wait for the stack.
-type Frames = PacketQueue<4, 6>;
+type Frames = PacketQueue<4, 4>;
 type Device = Ethernet<'static, ETH, GenericPhy<Sma<'static, ETH_SMA>>>;
 
 /// Where the DMA finds its descriptors and frames; the memory files say which RAM that is and why.
