@@ -1,5 +1,7 @@
 //! The only module that sees every layer: it wires them and spawns the tasks, the same ones on every port.
 
+#[cfg(target_os = "none")]
+pub mod board;
 #[cfg(not(target_os = "none"))]
 pub mod host;
 #[cfg(not(target_os = "none"))]

@@ -7,7 +7,7 @@ use puente_line::{Instant, Settings};
 
 use crate::length::{self, Length};
 use crate::stream::Stream;
-use crate::{Frame, FrameError, Mode, ascii, rtu};
+use crate::{Frame, FrameError, Mode, ascii, function, rtu};
 
 /// Results that wait for [`Decoder::poll`]; the oldest is dropped for a fifth.
 const QUEUE: usize = 4;
@@ -107,5 +107,11 @@ fn keep(results: &mut Deque<Result<Frame, FrameError>, QUEUE>, result: Result<Fr
 }
 
 fn lengths(adu: &[u8]) -> [Length; 2] {
-    [length::request(adu.get(1..).unwrap_or(&[])), Length::Never]
+    let pdu = adu.get(1..).unwrap_or(&[]);
+    // Diagnostics have one word of data, but nothing in the frame says so.
+    let other = match pdu {
+        [function::DIAGNOSTICS, ..] => Length::Silence,
+        _ => Length::Never,
+    };
+    [length::request(pdu), other]
 }

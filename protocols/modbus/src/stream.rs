@@ -12,19 +12,21 @@
 //! Bytes are judged one by one, so that it makes no difference in which portions they come.
 
 use crate::length::Length;
-use crate::rtu::{self, MAX_ADU, MIN_ADU, OVERHEAD};
+use crate::rtu::{self, MAX_ADU, OVERHEAD};
 use crate::{Frame, FrameError, Pdu};
 
 /// Bytes that may become frames.
 #[derive(Clone, Debug)]
 pub(crate) struct Stream {
     bytes: heapless::Vec<u8, MAX_ADU>,
-    /// So many bytes came before the last silence,
+    /// So many bytes came before the last silence.
     settled: usize,
-    /// and so many of them before the silence before it.
+    /// So many bytes belong to bursts that [`Stream::damage`] has told about.
     reported: usize,
-    /// What was wrong with the first frame of this burst.
+    /// What is wrong with the first frame of this burst.
     damage: Option<FrameError>,
+    /// This burst has bytes that cannot even begin a frame.
+    noise: bool,
     garbage: u32,
 }
 
@@ -36,13 +38,13 @@ enum Verdict {
 
 impl Stream {
     pub const fn new() -> Self {
-        Self { bytes: heapless::Vec::new(), settled: 0, reported: 0, damage: None, garbage: 0 }
+        Self { bytes: heapless::Vec::new(), settled: 0, reported: 0, damage: None, noise: false, garbage: 0 }
     }
 
     /// Takes a byte; the oldest makes room for it.
     pub fn push(&mut self, byte: u8) {
         if self.bytes.is_full() {
-            self.damage.get_or_insert(FrameError::TooLong);
+            self.noise = true;
             self.discard(1);
         }
         let _ = self.bytes.push(byte);
@@ -50,24 +52,26 @@ impl Stream {
 
     /// The line has been silent. [`Stream::next`] gives frames that ended thereby, then [`Stream::damage`] tells about the rest.
     pub fn silence(&mut self) {
-        self.reported = self.settled;
         self.settled = self.bytes.len();
     }
 
     /// Whether a silence would tell anything new.
     pub fn is_unsettled(&self) -> bool {
-        self.bytes.len() > self.settled || self.damage.is_some()
+        self.bytes.len() > self.settled || self.damage.is_some() || self.noise
     }
 
     /// What was wrong with the burst before the last silence.
     pub fn damage(&mut self) -> Option<FrameError> {
-        self.damage.take()
+        let noise = core::mem::take(&mut self.noise).then_some(FrameError::TooShort);
+        self.reported = self.settled;
+        self.damage.take().or(noise)
     }
 
     /// Forgets everything.
     pub fn clear(&mut self) {
         self.discard(self.bytes.len());
         self.damage = None;
+        self.noise = false;
     }
 
     /// Bytes that belonged to no frame.
@@ -95,6 +99,7 @@ impl Stream {
         None
     }
 
+    /// Whether a frame begins at `at`.
     fn judge(&mut self, at: usize, lengths: impl Fn(&[u8]) -> [Length; 2]) -> Verdict {
         let silent = self.settled == self.bytes.len();
         let adu = self.bytes.get(at..).unwrap_or(&[]);
@@ -103,25 +108,27 @@ impl Stream {
         for length in lengths(adu) {
             let end = match length {
                 Length::Known(pdu) => pdu + OVERHEAD,
-                Length::Silence if silent => adu.len().max(MIN_ADU),
-                Length::Silence | Length::More => MAX_ADU + 1,
+                Length::Silence if silent => adu.len(),
+                Length::Silence | Length::More => usize::MAX,
                 Length::Never => continue,
             };
             match adu.get(..end).map(rtu::parse) {
                 Some(Ok(_)) => return Verdict::Frame(end),
+                // Silence may have been only in the way of the bytes to us: more may come.
+                Some(Err(error)) if matches!(length, Length::Silence) => {
+                    damage = damage.or(Some(error));
+                    verdict = Verdict::Wait;
+                }
                 Some(Err(error)) => damage = damage.or(Some(error)),
-                None => verdict = Verdict::Wait,
-            }
-            if matches!(length, Length::Silence) {
-                verdict = Verdict::Wait;
+                None => {
+                    damage = damage.or(silent.then_some(FrameError::TooShort));
+                    verdict = Verdict::Wait;
+                }
             }
         }
-        // A frame that silence cut is reported once, at that silence.
-        if silent && at >= self.reported && matches!(verdict, Verdict::Wait) {
-            damage = damage.or(Some(FrameError::TooShort));
-        }
-        if let (None, Some(error)) = (self.damage, damage) {
-            self.damage = Some(error);
+        if at >= self.reported {
+            self.damage = self.damage.or(damage);
+            self.noise |= matches!(verdict, Verdict::No);
         }
         verdict
     }
@@ -135,6 +142,7 @@ impl Stream {
         self.discard(at + length);
         self.garbage = self.garbage.wrapping_sub(length as u32);
         self.damage = None;
+        self.noise = false;
         frame
     }
 

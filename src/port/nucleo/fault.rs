@@ -23,5 +23,3 @@ fn restart() -> ! {
     cortex_m::asm::delay(40_000_000);
     cortex_m::peripheral::SCB::sys_reset()
 }
-
-defmt::timestamp!("{=u64:us}", embassy_time::Instant::now().as_micros());

@@ -1,8 +1,17 @@
-//! How much this port has room for. `cargo xtask size` says what it costs.
+//! Sizes of the boards. `cargo xtask size` says what they cost.
 
-/// Places for clients, both TCP ports together.
-pub const SLOTS: usize = MAIN_SLOTS + MODBUS_SLOTS;
-/// Of these, on the main port.
-pub const MAIN_SLOTS: usize = 18;
-/// Of these, on the Modbus/TCP port.
-pub const MODBUS_SLOTS: usize = 6;
+/// Clients that can be served at once.
+pub const CLIENTS: usize = 16;
+/// The same in words, for messages.
+pub const CLIENTS_ALLOWED: &str = "1 to 16 is allowed";
+/// Places for clients, on both TCP ports together: some more than clients, for those that come to stop an axis, and
+/// because a place that a client has just left needs a moment before it listens again.
+pub const SLOTS: usize = CLIENTS + 4;
+/// Requests of one client that may be under way at once.
+pub const PIPELINE: usize = 4;
+/// Requests under way at once, of all clients.
+pub const TICKETS: usize = 32;
+/// Buses: the lines a and b.
+pub const BUSES: usize = 2;
+/// Axes.
+pub const AXES: usize = 8;

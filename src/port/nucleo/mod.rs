@@ -3,10 +3,13 @@
 //! Interrupt priorities, the most urgent first: USARTs and the clock (0), bus tasks (6), Ethernet (8), then everything
 //! else in thread mode.
 
+mod doors;
 mod executor;
 mod fault;
 pub mod limits;
 mod line;
+mod lines;
+mod log;
 mod mac;
 mod net;
 mod socket;
@@ -18,24 +21,22 @@ mod board;
 #[path = "h753zi.rs"]
 mod board;
 
-use defmt_rtt as _;
 use embassy_executor::{SendSpawner, Spawner};
 use embassy_net::Stack;
 use embassy_stm32::rng::Rng;
 use embassy_stm32::uid;
 
-pub use line::{Error as LineError, Line, a::Parts as LineA, b::Parts as LineB};
+pub use line::{Error as LineError, Line};
+pub use lines::{BadPort, Lines};
 pub use net::Address;
-pub use socket::{Listener, Socket};
+pub use socket::{Place, Socket};
 
 /// What the board offers to the application.
 pub struct Board {
     /// Spawns bus tasks, above everything in thread mode.
     pub buses: SendSpawner,
-    /// RS-485 line a: USART2, TX PD5, RX PD6, DE PD4.
-    pub line_a: LineA,
-    /// RS-485 line b: UART7, TX PE8, RX PE7, DE PE9.
-    pub line_b: LineB,
+    /// The RS-485 lines.
+    pub lines: Lines,
     /// The board's MAC address.
     pub mac: [u8; 6],
     stack: Stack<'static>,
@@ -44,6 +45,7 @@ pub struct Board {
 impl Board {
     /// Starts clocks, network and executors. Call it once, first of all.
     pub fn start(spawner: Spawner, address: Address) -> Self {
+        log::start();
         let p = embassy_stm32::init(board::config());
         board::enable_ethernet_memory();
         if let Some(mut core) = cortex_m::Peripherals::take() {
@@ -68,15 +70,17 @@ impl Board {
         };
         Self {
             buses: executor::start(),
-            line_a: LineA { usart: p.USART2, tx: p.PD5, rx: p.PD6, de: p.PD4 },
-            line_b: LineB { usart: p.UART7, tx: p.PE8, rx: p.PE7, de: p.PE9 },
+            lines: Lines {
+                a: Some(line::a::Parts { usart: p.USART2, tx: p.PD5, rx: p.PD6, de: p.PD4 }),
+                b: Some(line::b::Parts { usart: p.UART7, tx: p.PE8, rx: p.PE7, de: p.PE9 }),
+            },
             mac,
             stack: net::start(spawner, ethernet, mac, address, u64::from_le_bytes(seed)),
         }
     }
 
     /// The places for clients on the main and the Modbus/TCP port. Call it once.
-    pub fn listeners(&self, main: u16, modbus: u16) -> [Listener; limits::SLOTS] {
-        socket::listeners(self.stack, main, modbus)
+    pub fn places(&self, main: u16, modbus: u16) -> [Place; limits::SLOTS] {
+        socket::places(self.stack, socket::Ports { main, modbus })
     }
 }

@@ -18,7 +18,7 @@ bind_interrupts!(struct Interrupts {
 });
 
 /// Frames that wait for the wire, and frames that wait for the stack.
-type Frames = PacketQueue<4, 6>;
+type Frames = PacketQueue<4, 4>;
 type Device = Ethernet<'static, ETH, GenericPhy<Sma<'static, ETH_SMA>>>;
 
 /// Where the DMA finds its descriptors and frames; the memory files say which RAM that is and why.
@@ -54,8 +54,8 @@ pub struct Address {
 }
 
 impl Address {
-    /// 192.168.1.111/24, as in the thesis.
-    pub const DEFAULT: Self = Self { ip: [192, 168, 1, 111], prefix: 24, gateway: None };
+    /// 192.168.1.111/24, the address of the thesis' gateway.
+    pub const THESIS: Self = Self { ip: [192, 168, 1, 111], prefix: 24, gateway: None };
 }
 
 /// Starts the stack. `seed` makes TCP sequence numbers hard to guess.

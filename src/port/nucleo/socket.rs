@@ -1,11 +1,13 @@
 //! Places for TCP clients.
 
+use embassy_futures::select::{Either, select};
 use embassy_net::tcp::{self, State, TcpReader, TcpSocket, TcpWriter};
 use embassy_net::{IpAddress, Stack};
-use embassy_time::{Duration, with_timeout};
+use embassy_time::{Duration, Timer, with_timeout};
 use static_cell::ConstStaticCell;
 
-use super::limits::{MAIN_SLOTS, MODBUS_SLOTS, SLOTS};
+use super::doors::Post;
+use super::limits::SLOTS;
 use crate::port::{self, Door, Peer};
 
 /// A peer is asked for a sign of life after this silence,
@@ -15,69 +17,86 @@ const TIMEOUT: Duration = Duration::from_secs(15);
 /// How long a closing connection may take to deliver its last bytes.
 const LINGER: Duration = Duration::from_millis(1_000);
 
-/// Window of a client on the main port: a request, or a page's worth of pipelined frames.
-const MAIN_RECEIVE: usize = 1024;
-/// Two full segments, so that a client that acknowledges every second one does not keep us waiting.
-const MAIN_SEND: usize = 2 * 1460;
-/// Two Modbus/TCP frames of 260 bytes in each direction.
-const MODBUS_BUFFER: usize = 520;
+/// Window of a client: two Modbus/TCP frames of 260 bytes, or the longest Modbus ASCII frame.
+const RECEIVE: usize = 640;
+/// More than one full segment, so that a client that puts its acknowledgement off does not do so for every segment.
+const SEND: usize = 1536;
 
 /// One place for a client.
-pub struct Listener {
+pub struct Place {
     socket: TcpSocket<'static>,
-    tcp_port: u16,
-    door: Door,
+    ports: Ports,
+    post: Post,
+}
+
+/// The TCP ports of the two doors.
+#[derive(Clone, Copy)]
+pub(super) struct Ports {
+    pub main: u16,
+    pub modbus: u16,
 }
 
 /// Opens all places. Call it once.
-pub(super) fn listeners(stack: Stack<'static>, main: u16, modbus: u16) -> [Listener; SLOTS] {
-    type Buffers<const N: usize, const RECEIVE: usize, const SEND: usize> = [([u8; RECEIVE], [u8; SEND]); N];
-    static MAIN: ConstStaticCell<Buffers<MAIN_SLOTS, MAIN_RECEIVE, MAIN_SEND>> =
-        ConstStaticCell::new([([0; MAIN_RECEIVE], [0; MAIN_SEND]); MAIN_SLOTS]);
-    static MODBUS: ConstStaticCell<Buffers<MODBUS_SLOTS, MODBUS_BUFFER, MODBUS_BUFFER>> =
-        ConstStaticCell::new([([0; MODBUS_BUFFER], [0; MODBUS_BUFFER]); MODBUS_SLOTS]);
-
-    let main =
-        MAIN.take().iter_mut().map(|(receive, send)| Listener::new(stack, receive, send, main, Door::Main));
-    let modbus = MODBUS
-        .take()
-        .iter_mut()
-        .map(|(receive, send)| Listener::new(stack, receive, send, modbus, Door::Modbus));
-    let mut all = main.chain(modbus);
-    core::array::from_fn(|_| all.next().expect("SLOTS is the sum of both"))
-}
-
-impl Listener {
-    fn new(
-        stack: Stack<'static>,
-        receive: &'static mut [u8],
-        send: &'static mut [u8],
-        tcp_port: u16,
-        door: Door,
-    ) -> Self {
+pub(super) fn places(stack: Stack<'static>, ports: Ports) -> [Place; SLOTS] {
+    type Buffers = [([u8; RECEIVE], [u8; SEND]); SLOTS];
+    static BUFFERS: ConstStaticCell<Buffers> = ConstStaticCell::new([([0; RECEIVE], [0; SEND]); SLOTS]);
+    BUFFERS.take().each_mut().map(|(receive, send)| {
         let mut socket = TcpSocket::new(stack, receive, send);
         socket.set_keep_alive(Some(KEEP_ALIVE));
         socket.set_timeout(Some(TIMEOUT));
         // Answers are small and wanted at once.
         socket.set_nagle_enabled(false);
-        Self { socket, tcp_port, door }
+        Place { socket, ports, post: Post::new().expect("there are SLOTS of them") }
+    })
+}
+
+impl Place {
+    /// Waits for a client at the door where this place is posted; the door where it came, if it did.
+    async fn listen(&mut self) -> Option<Door> {
+        let door = self.post.take();
+        let port = match door {
+            Door::Main => self.ports.main,
+            Door::Modbus => self.ports.modbus,
+        };
+        match select(self.socket.accept(port), self.post.moved()).await {
+            Either::First(accepted) => accepted.ok()?,
+            Either::Second(()) => self.established().await?,
+        }
+        Some(door)
+    }
+
+    /// Sees a handshake through that was under way when this place was sent to the other door.
+    async fn established(&mut self) -> Option<()> {
+        let handshake = async {
+            while self.socket.state() == State::SynReceived {
+                Timer::after_millis(1).await;
+            }
+        };
+        with_timeout(LINGER, handshake).await.ok()?;
+        matches!(self.socket.state(), State::Established | State::CloseWait).then_some(())
+    }
+
+    /// Clears what the last client left: its RST has to go out before the socket can listen again.
+    async fn clear(&mut self) {
+        if self.socket.state() != State::Closed {
+            self.socket.abort();
+        }
+        // Nobody hears it where the link is down.
+        let _ = with_timeout(LINGER, self.socket.flush()).await;
     }
 }
 
-impl port::Listener for Listener {
+impl port::Listener for Place {
     type Socket<'a> = Socket<'a>;
 
     async fn accept(&mut self) -> Socket<'_> {
         loop {
-            // What the last client left: the RST has to go out before the socket can listen again.
-            if self.socket.state() != State::Closed {
-                self.socket.abort();
-            }
-            let _ = with_timeout(LINGER, self.socket.flush()).await;
-            if self.socket.accept(self.tcp_port).await.is_ok()
+            self.clear().await;
+            if let Some(door) = self.listen().await
                 && let Some(peer) = peer(&self.socket)
             {
-                return Socket { socket: &mut self.socket, peer, door: self.door };
+                self.post.leave();
+                return Socket { socket: &mut self.socket, peer, door };
             }
         }
     }

@@ -1,14 +1,6 @@
 //! The master of a serial line.
-//!
-//! Half duplex, one request outstanding. What keeps a reply from being paired with another request:
-//!
-//! - A reply must have the unit, the function (or its exception), the length and byte count that the request calls for, and
-//!   repeat the fields that a reply repeats. Valid frames that do not are counted and passed over: the true reply may follow.
-//! - After a timeout the line must fall silent before the next request, and the unit that kept us waiting is left alone for
-//!   [`Config::quarantine`], or until its late reply is seen. Others are addressed at once.
-//!
-//! A reply is delivered with its last byte. How frames end is told in the module `stream`.
 
+mod outgoing;
 mod receiver;
 mod types;
 mod units;
@@ -19,13 +11,26 @@ use puente_line::Instant;
 
 pub use types::{Action, Busy, Config, Counters, Echo, Evidence, Outcome};
 
-use crate::reply::{Mismatch, Reply};
-use crate::request::Request;
-use crate::{BROADCAST, Exception, Frame, FrameError, Mode, Pdu, ascii, function, rtu};
+use crate::{BROADCAST, Frame, FrameError, Mode, Pdu, ascii, function, rtu};
+use outgoing::Outgoing;
 use receiver::Receiver;
 use units::Units;
 
-/// A master; see the module `master`.
+/// The master of a half-duplex serial line, one request outstanding.
+///
+/// What keeps a reply from being paired with another request:
+///
+/// - A reply must have the unit, the function (or its exception), the length and byte count that the request calls for, and
+///   repeat the fields that a reply repeats. Valid frames that do not are counted and passed over: the true reply may follow.
+/// - After a timeout the line must fall silent before the next request, and the unit that kept us waiting is left alone for
+///   [`Config::quarantine`], or until its late reply is seen. Others are addressed at once.
+///
+/// What nothing on the wire can tell is a second, unasked reply that arrives while the next request of the same unit, function
+/// and quantity is waiting.
+///
+/// A reply is delivered with its last byte: an RTU frame ends where its function code says, and a pause inside it, which an
+/// operating system or USB adapter may have put there, does not void it. Silence ends frames of opaque functions only. ASCII
+/// frames end with LF.
 #[derive(Clone, Debug)]
 pub struct Master {
     config: Config,
@@ -42,14 +47,6 @@ pub struct Master {
     units: Units,
     counters: Counters,
     reply: Pdu,
-}
-
-/// The request in work, or the last one.
-#[derive(Clone, Debug)]
-struct Outgoing {
-    unit: u8,
-    pdu: Pdu,
-    adu: heapless::Vec<u8, { ascii::MAX_ADU }>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -85,7 +82,7 @@ impl Master {
             config,
             gap,
             state: State::Idle,
-            request: Outgoing { unit: 0, pdu: Pdu::new(), adu: heapless::Vec::new() },
+            request: Outgoing::none(),
             echo_left: 0,
             receiver: Receiver::new(config.mode),
             last_received: Instant::ZERO,
@@ -113,6 +110,15 @@ impl Master {
             Err(exception) => State::Finished(End::NoReply(Evidence::Malformed(exception))),
         };
         Ok(())
+    }
+
+    /// Takes back a request that has not been sent; false if there is none.
+    pub fn withdraw(&mut self) -> bool {
+        let queued = matches!(self.state, State::Queued);
+        if queued {
+            self.state = State::Idle;
+        }
+        queued
     }
 
     /// From when on `unit` may be addressed: its rest and its quarantine are over then.
@@ -357,37 +363,6 @@ impl Master {
                 (Some(Evidence::Line), Evidence::Check { .. } | Evidence::Damaged(_)) => {}
                 _ => *evidence = Some(new),
             }
-        }
-    }
-}
-
-impl Outgoing {
-    fn new(mode: Mode, unit: u8, pdu: &[u8]) -> Result<Self, Exception> {
-        Request::parse(pdu)?;
-        let pdu = Pdu::from_slice(pdu).map_err(|_| Exception::IllegalDataValue)?;
-        let mut adu = heapless::Vec::new();
-        // Neither framing is longer than the vector.
-        let _ = match mode {
-            Mode::Rtu => adu.extend_from_slice(&rtu::emit(unit, &pdu)),
-            Mode::Ascii => adu.extend_from_slice(&ascii::emit(unit, &pdu)),
-        };
-        Ok(Self { unit, pdu, adu })
-    }
-
-    /// Whether `frame` is the reply to this request; else why it is not.
-    fn pair(&self, frame: &Frame) -> Result<(), Evidence> {
-        if frame.unit != self.unit {
-            return Err(Evidence::WrongUnit { expected: self.unit, received: frame.unit });
-        }
-        match Reply::parse(&self.pdu, &frame.pdu) {
-            Ok(_) => Ok(()),
-            Err(_) if frame.pdu == self.pdu => Err(Evidence::Echo),
-            Err(Mismatch::Function { expected, received }) => {
-                Err(Evidence::WrongFunction { expected, received })
-            }
-            Err(Mismatch::Length { expected, received }) => Err(Evidence::WrongLength { expected, received }),
-            Err(Mismatch::Field { expected, received }) => Err(Evidence::WrongField { expected, received }),
-            Err(Mismatch::Request(exception)) => Err(Evidence::Malformed(exception)),
         }
     }
 }

@@ -12,6 +12,8 @@ pub(super) enum Receiver {
     Rtu(Stream),
     Ascii {
         decoder: ascii::Decoder,
+        /// Characters came after the last frame or error.
+        noise: bool,
         /// Characters that belonged to no frame.
         garbage: u32,
     },
@@ -21,7 +23,7 @@ impl Receiver {
     pub const fn new(mode: Mode) -> Self {
         match mode {
             Mode::Rtu => Self::Rtu(Stream::new()),
-            Mode::Ascii => Self::Ascii { decoder: ascii::Decoder::new(), garbage: 0 },
+            Mode::Ascii => Self::Ascii { decoder: ascii::Decoder::new(), noise: false, garbage: 0 },
         }
     }
 
@@ -32,9 +34,10 @@ impl Receiver {
                 stream.push(byte);
                 self.next(request)
             }
-            Self::Ascii { decoder, garbage } => {
+            Self::Ascii { decoder, noise, garbage } => {
                 let length = decoder.pending() as u32 + 1;
                 let result = decoder.push(now, byte);
+                *noise = result.is_none();
                 *garbage = garbage.wrapping_add(1);
                 if let Some(Ok(_)) = result {
                     *garbage = garbage.wrapping_sub(length);
@@ -71,7 +74,7 @@ impl Receiver {
     pub fn damage(&mut self) -> Option<FrameError> {
         match self {
             Self::Rtu(stream) => stream.damage(),
-            Self::Ascii { decoder, .. } => (decoder.pending() > 0).then_some(FrameError::TooShort),
+            Self::Ascii { noise, .. } => core::mem::take(noise).then_some(FrameError::TooShort),
         }
     }
 
@@ -79,7 +82,10 @@ impl Receiver {
     pub fn clear(&mut self) {
         match self {
             Self::Rtu(stream) => stream.clear(),
-            Self::Ascii { decoder, .. } => *decoder = ascii::Decoder::new(),
+            Self::Ascii { decoder, noise, .. } => {
+                *decoder = ascii::Decoder::new();
+                *noise = false;
+            }
         }
     }
 

@@ -1,0 +1,43 @@
+//! The RS-485 lines by their names.
+
+use core::fmt;
+
+use puente_line::Settings;
+
+use super::line::{Line, a, b};
+
+/// The lines that are not open yet.
+pub struct Lines {
+    pub(super) a: Option<a::Parts>,
+    pub(super) b: Option<b::Parts>,
+}
+
+/// A bus' `port` that this board cannot give it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BadPort {
+    /// There is no such line, or another bus has it.
+    Unknown,
+    /// The line cannot do this baud rate or format.
+    Settings,
+}
+
+impl fmt::Display for BadPort {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            BadPort::Unknown => "expected \"rs485-a\" or \"rs485-b\", each for one bus",
+            BadPort::Settings => "the USART cannot do this baud rate or format",
+        })
+    }
+}
+
+impl Lines {
+    /// Opens `rs485-a` (USART2) or `rs485-b` (UART7), each once.
+    pub fn open(&mut self, port: &str, settings: Settings) -> Result<Line, BadPort> {
+        let opened = match port {
+            "rs485-a" => self.a.take().ok_or(BadPort::Unknown)?.open(settings),
+            "rs485-b" => self.b.take().ok_or(BadPort::Unknown)?.open(settings),
+            _ => return Err(BadPort::Unknown),
+        };
+        opened.map_err(|_| BadPort::Settings)
+    }
+}
