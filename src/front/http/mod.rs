@@ -22,7 +22,7 @@ use problem::Problem;
 use reply::{Manner, Reply};
 
 /// A request that has begun must be whole within this time.
-const WHOLE: Duration = Duration::from_secs(10);
+const WHOLE: Duration = Duration::from_secs(5);
 
 /// Why a request is not answered as asked.
 #[derive(Debug)]
