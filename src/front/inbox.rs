@@ -6,8 +6,8 @@ use super::End;
 use crate::clock;
 use crate::desk::Desk;
 
-/// Longest piece that any dialect but HTTP has in one: a Modbus ASCII frame.
-const CAPACITY: usize = 1024;
+/// A Modbus ASCII frame has 513 bytes; the head of an HTTP request is as long as the browser likes.
+const CAPACITY: usize = crate::port::limits::INBOX;
 
 /// A buffered reader. Every byte that arrives renews the leases of its client.
 pub(super) struct Inbox<'g, R> {
@@ -69,19 +69,5 @@ impl<'g, R: Read> Inbox<'g, R> {
             Err(_) => return Err(End::Broken),
         }
         Ok(())
-    }
-
-    /// Copies waiting bytes into `target`, or reads straight into it; 0 at the end of the stream.
-    pub(super) async fn read(&mut self, target: &mut [u8]) -> Result<usize, R::Error> {
-        let waiting = self.data();
-        if !waiting.is_empty() {
-            let count = waiting.len().min(target.len());
-            if let (Some(to), Some(from)) = (target.get_mut(..count), waiting.get(..count)) {
-                to.copy_from_slice(from);
-            }
-            self.consume(count);
-            return Ok(count);
-        }
-        if self.ended { Ok(0) } else { self.reader.read(target).await }
     }
 }

@@ -14,3 +14,5 @@ pub const TICKETS: usize = 256;
 pub const BUSES: usize = 8;
 /// Axes.
 pub const AXES: usize = 32;
+/// Bytes that a client may send ahead: the longest head of an HTTP request.
+pub const INBOX: usize = 8192;

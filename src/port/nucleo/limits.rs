@@ -15,3 +15,5 @@ pub const TICKETS: usize = 32;
 pub const BUSES: usize = 2;
 /// Axes.
 pub const AXES: usize = 8;
+/// Bytes that a client may send ahead: the longest head of an HTTP request.
+pub const INBOX: usize = 1024;

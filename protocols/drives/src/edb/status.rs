@@ -44,6 +44,11 @@ impl Status {
         (Self::P_OT, "P-OT"),
     ];
 
+    /// The names of the bits that are set, from the highest down.
+    pub fn names(self) -> impl Iterator<Item = &'static str> {
+        Self::NAMES.into_iter().filter(move |(bit, _)| self.has(*bit)).map(|(_, name)| name)
+    }
+
     const fn has(self, bit: u16) -> bool {
         self.0 & bit != 0
     }
@@ -101,8 +106,8 @@ impl Status {
 
 impl fmt::Display for Status {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut set = Self::NAMES.iter().filter(|(bit, _)| self.has(*bit)).map(|(_, name)| name);
-        f.write_str(set.next().unwrap_or(&"-"))?;
+        let mut set = self.names();
+        f.write_str(set.next().unwrap_or("-"))?;
         set.try_for_each(|name| write!(f, ",{name}"))
     }
 }

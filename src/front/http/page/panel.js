@@ -1,0 +1,289 @@
+"use strict";
+
+const HOLD_MS = 500;      // how long the gateway keeps a jog going without word from this page
+const POLL_MS = 250;      // pause between two readings
+const STALE_MS = 2000;    // values older than this are shown as old
+const PATIENCE_MS = 4000; // an answer that takes longer counts as lost
+
+const $ = (id) => document.getElementById(id);
+const pause = (ms) => new Promise((done) => setTimeout(done, ms));
+const me = Array.from(crypto.getRandomValues(new Uint32Array(2)), (word) => word.toString(16)).join("");
+const axes = new Map();
+let polling = new AbortController();
+
+async function ask(path, options = {}) {
+  const limit = AbortSignal.timeout(PATIENCE_MS);
+  const signal = options.signal ? either(options.signal, limit) : limit;
+  let answer;
+  try {
+    answer = await fetch(path, { cache: "no-store", ...options, signal, headers: { "X-Client": me, ...options.headers } });
+  } catch {
+    throw new Error(limit.aborted ? "the gateway does not answer" : "no connection to the gateway");
+  }
+  const body = await answer.json().catch(() => null);
+  if (!answer.ok) throw new Error(body?.error?.message ?? `HTTP ${answer.status}`);
+  return body;
+}
+
+function either(a, b) {
+  const both = new AbortController();
+  for (const signal of [a, b]) signal.addEventListener("abort", () => both.abort(), { once: true });
+  return both.signal;
+}
+
+const command = (axis, verb, body) => ask(`api/axes/${axis.name}/${verb}`, {
+  method: "POST",
+  keepalive: true,
+  ...(body && { body: JSON.stringify(body), headers: { "Content-Type": "application/json" } }),
+});
+
+// A stop is repeated until the gateway confirms it.
+async function sendStop(axis) {
+  for (let attempt = 1; ; attempt++) {
+    try {
+      return await command(axis, "stop");
+    } catch (error) {
+      if (attempt === 3) throw new Error(`${axis.name}: stop not confirmed: ${error.message}`);
+      await pause(150);
+    }
+  }
+}
+
+function stop(axis) {
+  letGo(axis);
+  return sendStop(axis);
+}
+
+async function stopAll() {
+  const button = $("stop-all");
+  button.classList.add("busy");
+  polling.abort(); // frees its connection
+  const ends = await Promise.allSettled([...axes.values()].map(stop));
+  const errors = ends.filter((end) => end.status === "rejected").map((end) => end.reason.message);
+  if (axes.size === 0) errors.push("no axis is known yet, nothing was stopped");
+  banner("failed", errors.join(" · "));
+  button.classList.remove("busy");
+}
+
+function press(axis, direction, button) {
+  if (button.getAttribute("aria-disabled") === "true" || axis.direction) return;
+  tell(axis, "");
+  button.classList.add("held");
+  axis.direction = direction;
+  axis.grip += 1;
+  if (!axis.driving) drive(axis);
+}
+
+function letGo(axis) {
+  axis.direction = 0;
+  axis.grip += 1;
+  axis.held.forEach((button) => button.classList.remove("held"));
+}
+
+function release(axis) {
+  if (axis.direction) stop(axis).catch((error) => tell(axis, error.message));
+}
+
+const releaseAll = () => axes.forEach((axis) => release(axis));
+
+// Renews the jog while a button is held; never more than one request under way.
+async function drive(axis) {
+  axis.driving = true;
+  while (axis.direction) {
+    const grip = axis.grip;
+    try {
+      await command(axis, "jog", { rpm: axis.direction * axis.speed(), hold_ms: HOLD_MS });
+    } catch (error) {
+      if (axis.grip === grip) letGo(axis);
+      tell(axis, error.message);
+    }
+    // Let go while the request was under way: it may have arrived after the stop.
+    if (axis.grip !== grip) await sendStop(axis).catch((error) => tell(axis, error.message));
+    else await pause(HOLD_MS / 3);
+  }
+  axis.driving = false;
+}
+
+function build(name) {
+  const card = $("axis").content.firstElementChild.cloneNode(true);
+  const part = (key) => card.querySelector(`[data-${key}]`);
+  const axis = { name, card, part, direction: 0, grip: 0, driving: false, trouble: "", last: null };
+  axis.held = [part("reverse"), part("forward")];
+  card.setAttribute("aria-label", `axis ${name}`);
+  part("name").textContent = name;
+
+  const [range, number] = [part("range"), part("number")];
+  const limit = (value) => Math.min(Math.max(Math.round(value) || 1, 1), Number(number.max) || 1);
+  axis.speed = () => limit(number.value);
+  range.addEventListener("input", () => { number.value = range.value; });
+  number.addEventListener("input", () => { range.value = limit(number.value); });
+  number.addEventListener("change", () => { number.value = limit(number.value); });
+
+  for (const [button, direction] of [[part("reverse"), -1], [part("forward"), 1]]) {
+    button.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0) return;
+      button.setPointerCapture(event.pointerId);
+      press(axis, direction, button);
+    });
+    for (const end of ["pointerup", "pointercancel", "lostpointercapture", "blur"]) {
+      button.addEventListener(end, () => button.classList.contains("held") && release(axis));
+    }
+    button.addEventListener("contextmenu", (event) => event.preventDefault());
+    button.addEventListener("keydown", (event) => {
+      if (event.key === "Enter" && !event.repeat) press(axis, direction, button);
+    });
+    button.addEventListener("keyup", (event) => event.key === "Enter" && release(axis));
+  }
+  const act = (key, action) => part(key).addEventListener("click", () => {
+    if (part(key).getAttribute("aria-disabled") === "true") return;
+    tell(axis, "");
+    action().catch((error) => tell(axis, error.message));
+  });
+  act("stop", () => stop(axis));
+  for (const verb of ["enable", "disable", "clear"]) {
+    act(verb, () => {
+      release(axis);
+      return command(axis, verb);
+    });
+  }
+  $("axes").append(card);
+  return axis;
+}
+
+const age = (ms) => ms < 10_000 ? `${(ms / 1000).toFixed(1)} s` : ms < 120_000 ? `${Math.round(ms / 1000)} s` : `${Math.round(ms / 60_000)} min`;
+const figure = (value) => value === null ? "–" : String(value).replace("-", "−").replace(/\B(?=(\d{3})+$)/g, "\u2009");
+
+function tell(axis, text) {
+  axis.trouble = text;
+  if (axis.last) show(axis, axis.last);
+}
+
+function state(data) {
+  if (!data.online) return ["bad", "offline"];
+  if (data.alarm) return ["bad", `alarm ${data.alarm}`];
+  if (data.jog_rpm) return ["warn", "jogging"];
+  if (data.enabled) return ["good", "enabled"];
+  return ["", data.enabled === false ? "disabled" : "servo unknown"];
+}
+
+function notes(axis, data) {
+  const { alarm, alarm_text, event, error, lease } = data;
+  const texts = [];
+  if (axis.trouble) texts.push(axis.trouble);
+  if (alarm) texts.push(`Alarm ${alarm}: ${alarm_text}`);
+  if (error) texts.push(error.message);
+  if (event) texts.push(`${event.cause.replaceAll("-", " ")}, ${age(event.age_ms)} ago (${event.holder})`);
+  if (lease && !axis.direction && !texts.length) texts.push(`${lease.holder} commands this axis`);
+  return texts.map((text) => text[0].toUpperCase() + text.slice(1)).join(". ");
+}
+
+function show(axis, data) {
+  const { part, card } = axis;
+  const write = (key, text) => { if (part(key).textContent !== text) part(key).textContent = text; };
+  axis.last = data;
+  if (part("number").max !== String(data.max_rpm)) {
+    part("number").max = part("range").max = data.max_rpm;
+    part("number").value = part("range").value = Math.min(100, data.max_rpm);
+  }
+  write("where", `${data.drive.toUpperCase()} · bus ${data.bus} · address ${data.address}`);
+  const [mood, word] = state(data);
+  part("state").className = `state ${mood}`;
+  write("state", word);
+  write("speed", figure(data.speed_rpm));
+  write("jog", figure(data.jog_rpm));
+  write("torque", figure(data.torque_percent));
+  write("position", figure(data.position_pulses));
+  const share = Math.max(-1, Math.min(1, (data.speed_rpm ?? 0) / data.max_rpm));
+  part("bar").style.transform = `scaleX(${share})`;
+  write("flags", data.status === null ? "" : [`${data.status}h`, ...data.flags].join(" "));
+  write("age", data.age_ms === null ? "never read" : `${age(data.age_ms)} ago`);
+  card.classList.toggle("stale", data.age_ms === null || data.age_ms > STALE_MS || !data.online);
+  const text = notes(axis, data);
+  part("note").hidden = !text;
+  part("note").classList.toggle("bad", Boolean(axis.trouble || data.alarm || data.error));
+  part("clear").hidden = !(data.alarm || data.event);
+  write("text", text);
+  for (const button of axis.held) button.setAttribute("aria-disabled", data.enabled === false || !data.online);
+  part("enable").setAttribute("aria-pressed", data.enabled === true);
+  part("disable").setAttribute("aria-pressed", data.enabled === false);
+}
+
+function showBuses(buses) {
+  const rows = buses.map((bus) => {
+    const s = bus.statistics;
+    const unsent = s.expired + s.rested + s.stopped + s.line_down + s.queue_full;
+    const mean = s.latency_mean_us === null ? "–" : `${(s.latency_mean_us / 1000).toFixed(1)} ms`;
+    const cells = [bus.name, bus.protocol, `${bus.port} ${bus.baud} ${bus.format}`, s.submitted, s.confirmed,
+      s.no_reply, unsent, s.exceptions, mean, s.waiting, s.resting];
+    const row = document.createElement("tr");
+    cells.forEach((cell, index) => {
+      const td = row.insertCell();
+      td.textContent = index > 2 && typeof cell === "number" ? figure(cell) : cell;
+      td.className = index > 2 ? "n" : "";
+      if (index === 10 && cell) td.classList.add("hot");
+    });
+    return row;
+  });
+  $("buses").replaceChildren(...rows);
+}
+
+function banner(id, text) {
+  if ($(id).textContent !== text) $(id).textContent = text;
+  $(id).hidden = !text;
+}
+
+function link(mood, text) {
+  $("link").className = `link ${mood}`;
+  if ($("link").textContent !== text) $("link").textContent = text;
+}
+
+async function read() {
+  const list = await ask("api/axes", { signal: polling.signal });
+  const names = new Set(list.map((data) => data.name));
+  for (const [name, axis] of axes) {
+    if (!names.has(name)) {
+      axis.card.remove();
+      axes.delete(name);
+    }
+  }
+  for (const data of list) {
+    if (!axes.has(data.name)) axes.set(data.name, build(data.name));
+    show(axes.get(data.name), data);
+  }
+}
+
+async function watch() {
+  let since = "";
+  for (let round = 0; ; round++) {
+    if (document.hidden) await new Promise((shown) => document.addEventListener("visibilitychange", shown, { once: true }));
+    if (polling.signal.aborted) polling = new AbortController();
+    try {
+      await read();
+      if (round % 4 === 0) showBuses(await ask("api/buses", { signal: polling.signal }));
+      since = "";
+      banner("lost", "");
+      link("up", location.host);
+      await pause(POLL_MS);
+    } catch (error) {
+      if (polling.signal.aborted) continue;
+      since ||= new Date().toLocaleTimeString();
+      banner("lost", `Connection lost at ${since}: ${error.message}. The values are old. The gateway ends a jog ${HOLD_MS} ms after its last word from this page.`);
+      link("down", "no connection");
+      axes.forEach((axis) => axis.card.classList.add("stale"));
+      await pause(1000);
+    }
+  }
+}
+
+const isStop = (event) => event.key === "Escape" || event.key === " ";
+addEventListener("keydown", (event) => {
+  if (!isStop(event)) return;
+  event.preventDefault();
+  if (!event.repeat) stopAll();
+}, true);
+addEventListener("keyup", (event) => isStop(event) && event.preventDefault(), true);
+addEventListener("blur", releaseAll);
+addEventListener("pagehide", releaseAll);
+document.addEventListener("visibilitychange", () => document.hidden && releaseAll());
+$("stop-all").addEventListener("click", stopAll);
+watch();

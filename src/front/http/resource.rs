@@ -1,0 +1,159 @@
+//! What has which path, and which methods it takes.
+
+use heapless::Vec;
+
+use super::head::Method;
+use super::page::{self, Asset};
+
+/// What a path names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Resource<'p> {
+    /// A file of the page.
+    Asset(&'static Asset),
+    /// `/api/axes`
+    Axes,
+    /// `/api/axes/NAME`
+    Axis(&'p str),
+    /// `/api/axes/NAME/COMMAND`
+    Command(&'p str, Command),
+    /// `/api/axes/NAME/parameters/PARAMETER`
+    Parameter(&'p str, &'p str),
+    /// `/api/buses`
+    Buses,
+    /// `/metrics`
+    Metrics,
+}
+
+/// What an axis can be told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Command {
+    Jog,
+    Stop,
+    Enable,
+    Disable,
+    Clear,
+}
+
+impl<'p> Resource<'p> {
+    pub(super) fn find(path: &'p str) -> Option<Self> {
+        let mut segments = Vec::<_, 5>::new();
+        for segment in path.strip_prefix('/')?.split('/') {
+            segments.push(segment).ok()?;
+        }
+        Some(match *segments {
+            ["api", "axes"] => Resource::Axes,
+            ["api", "axes", axis] => Resource::Axis(axis),
+            ["api", "axes", axis, command] => Resource::Command(axis, Command::find(command)?),
+            ["api", "axes", axis, "parameters", parameter] => Resource::Parameter(axis, parameter),
+            ["api", "buses"] => Resource::Buses,
+            ["metrics"] => Resource::Metrics,
+            [name] => Resource::Asset(page::asset(name)?),
+            _ => return None,
+        })
+    }
+
+    /// The methods it takes, as in the header field `Allow`.
+    pub(super) const fn methods(&self) -> &'static str {
+        match self {
+            Resource::Command(..) => "POST",
+            Resource::Parameter(..) => "GET, HEAD, PUT",
+            Resource::Asset(_) | Resource::Axes | Resource::Axis(_) | Resource::Buses | Resource::Metrics => {
+                "GET, HEAD"
+            }
+        }
+    }
+
+    pub(super) const fn takes(&self, method: Method) -> bool {
+        match method {
+            Method::Get | Method::Head => !matches!(self, Resource::Command(..)),
+            Method::Post => matches!(self, Resource::Command(..)),
+            Method::Put => matches!(self, Resource::Parameter(..)),
+            Method::Other => false,
+        }
+    }
+
+    /// Whether it can only bring an axis to rest, which is allowed to everyone.
+    pub(super) const fn stops(&self) -> bool {
+        matches!(self, Resource::Command(_, Command::Stop | Command::Disable))
+    }
+}
+
+impl Command {
+    fn find(name: &str) -> Option<Self> {
+        Some(match name {
+            "jog" => Command::Jog,
+            "stop" => Command::Stop,
+            "enable" => Command::Enable,
+            "disable" => Command::Disable,
+            "clear" => Command::Clear,
+            _ => return None,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths() {
+        for (path, expected) in [
+            ("/api/axes", Resource::Axes),
+            ("/api/axes/x", Resource::Axis("x")),
+            ("/api/axes/", Resource::Axis("")),
+            ("/api/axes/x/jog", Resource::Command("x", Command::Jog)),
+            ("/api/axes/x/stop", Resource::Command("x", Command::Stop)),
+            ("/api/axes/x/parameters/Pn037", Resource::Parameter("x", "Pn037")),
+            ("/api/buses", Resource::Buses),
+            ("/metrics", Resource::Metrics),
+            ("/", Resource::Asset(&page::INDEX)),
+        ] {
+            assert_eq!(Resource::find(path), Some(expected), "{path}");
+        }
+        for path in [
+            "",
+            "*",
+            "api/axes",
+            "/api",
+            "/api/",
+            "/api/axes/x/fly",
+            "/api/axes/x/parameters",
+            "//",
+            "/x",
+            "/api/axes/x/parameters/Pn037/x",
+            "/../metrics",
+        ] {
+            assert_eq!(Resource::find(path), None, "{path}");
+        }
+    }
+
+    #[test]
+    fn methods_are_those_listed() {
+        let names =
+            [("GET", Method::Get), ("HEAD", Method::Head), ("POST", Method::Post), ("PUT", Method::Put)];
+        for path in [
+            "/",
+            "/api/axes",
+            "/api/axes/x",
+            "/api/axes/x/jog",
+            "/api/axes/x/parameters/a",
+            "/api/buses",
+            "/metrics",
+        ] {
+            let resource = Resource::find(path).expect("a path");
+            assert!(!resource.takes(Method::Other));
+            for (name, method) in names {
+                let listed = resource.methods().split(", ").any(|listed| listed == name);
+                assert_eq!(resource.takes(method), listed, "{path} {name}");
+            }
+        }
+    }
+
+    #[test]
+    fn only_stop_and_disable_stop() {
+        let stops = |command| Resource::Command("x", command).stops();
+        assert!(stops(Command::Stop) && stops(Command::Disable));
+        assert!(!stops(Command::Jog) && !stops(Command::Enable) && !stops(Command::Clear));
+        assert!(!Resource::Axes.stops());
+    }
+}

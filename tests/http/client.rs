@@ -1,0 +1,229 @@
+//! A gateway to test, and a client that sees every byte.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+/// Longest that anything here may take.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// A running gateway with two simulated drives, axes x and y, and an axis `dead` whose bus never answers.
+pub struct Gateway {
+    process: Child,
+    address: SocketAddr,
+    settings: PathBuf,
+    _silence: TcpListener,
+}
+
+impl Gateway {
+    pub fn start(clients: u16) -> Self {
+        // Connections are taken by the system and never answered.
+        let silence = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let port = silence.local_addr().expect("an address").port();
+        let settings = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("http-{port}.toml"));
+        let text = format!(
+            r#"
+[net]
+clients = {clients}
+[[bus]]
+name = "a"
+protocol = "modbus-rtu"
+port = "sim"
+baud = 115200
+format = "8E1"
+units = "1-9"
+[[bus]]
+name = "b"
+protocol = "modbus-rtu"
+port = "tcp:127.0.0.1:{port}"
+units = "10-19"
+reply_timeout_ms = 100
+[[axis]]
+name = "x"
+bus = "a"
+drive = "edb"
+address = 1
+[[axis]]
+name = "y"
+bus = "a"
+drive = "edb"
+address = 2
+max_rpm = 200
+[[axis]]
+name = "dead"
+bus = "b"
+drive = "edb"
+address = 10
+"#
+        );
+        std::fs::write(&settings, text).expect("a file");
+        let mut process = Command::new(env!("CARGO_BIN_EXE_gateway"))
+            .args(["--port", "0", "--modbus-port", "0", "--config"])
+            .arg(&settings)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .expect("the gateway");
+        let mut ready = String::new();
+        BufReader::new(process.stdout.take().expect("piped")).read_line(&mut ready).expect("a line");
+        let address = ready.split(['/', ' ']).nth(3).expect("an address").parse().expect("an address");
+        Self { process, address, settings, _silence: silence }
+    }
+
+    pub fn connect(&self) -> Client {
+        let stream = TcpStream::connect(self.address).expect("a connection");
+        stream.set_read_timeout(Some(PATIENCE)).expect("set");
+        stream.set_nodelay(true).expect("set");
+        Client { stream: BufReader::new(stream) }
+    }
+
+    /// One request on its own connection.
+    pub fn ask(&self, request: &str, body: &str) -> Reply {
+        self.ask_as(request, "", body)
+    }
+
+    /// The same with more header fields, each ending with CRLF.
+    pub fn ask_as(&self, request: &str, fields: &str, body: &str) -> Reply {
+        let mut client = self.connect();
+        client.send(&format!(
+            "{request} HTTP/1.1\r\nHost: {}\r\n{fields}Content-Length: {}\r\n\r\n{body}",
+            self.address,
+            body.len()
+        ));
+        client.reply()
+    }
+
+    pub fn axis(&self, name: &str) -> Value {
+        self.ask(&format!("GET /api/axes/{name}"), "").json()
+    }
+
+    /// Reads the axis until it is as wished.
+    pub fn await_axis(&self, name: &str, wish: impl Fn(&Value) -> bool) -> Value {
+        let start = Instant::now();
+        loop {
+            let axis = self.axis(name);
+            if wish(&axis) {
+                return axis;
+            }
+            assert!(start.elapsed() < PATIENCE, "{axis}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    pub fn origin(&self) -> String {
+        format!("http://{}", self.address)
+    }
+}
+
+impl Drop for Gateway {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+        let _ = std::fs::remove_file(&self.settings);
+    }
+}
+
+pub struct Client {
+    stream: BufReader<TcpStream>,
+}
+
+#[derive(Debug)]
+pub struct Reply {
+    pub status: u16,
+    pub fields: Vec<(String, String)>,
+    pub body: String,
+}
+
+impl Client {
+    pub fn send(&mut self, text: &str) {
+        self.send_bytes(text.as_bytes()).expect("sent");
+    }
+
+    pub fn send_bytes(&mut self, bytes: &[u8]) -> std::io::Result<()> {
+        self.stream.get_mut().write_all(bytes)
+    }
+
+    /// Says that nothing more will come.
+    pub fn finish(&mut self) {
+        self.stream.get_ref().shutdown(Shutdown::Write).expect("shut down");
+    }
+
+    pub fn reply(&mut self) -> Reply {
+        let mut reply = self.head();
+        if let Some(length) = reply.field("content-length") {
+            let mut body = vec![0; length.parse().expect("a length")];
+            self.stream.read_exact(&mut body).expect("a body");
+            reply.body = String::from_utf8(body).expect("text");
+        } else if reply.field("transfer-encoding") == Some("chunked") {
+            while let Some(chunk) = self.chunk() {
+                reply.body += &chunk;
+            }
+        } else {
+            self.stream.read_to_string(&mut reply.body).expect("a body");
+        }
+        reply
+    }
+
+    /// A reply without its body.
+    pub fn head(&mut self) -> Reply {
+        let line = self.line();
+        let status = line.strip_prefix("HTTP/1.1 ").and_then(|rest| rest.get(..3)).expect("a status line");
+        let mut fields = Vec::new();
+        loop {
+            let line = self.line();
+            if line.is_empty() {
+                return Reply { status: status.parse().expect("a number"), fields, body: String::new() };
+            }
+            let (name, value) = line.split_once(": ").expect("a field");
+            fields.push((name.to_ascii_lowercase(), value.to_owned()));
+        }
+    }
+
+    fn line(&mut self) -> String {
+        let mut line = String::new();
+        self.stream.read_line(&mut line).expect("a line");
+        line.strip_suffix("\r\n").expect("CRLF").to_owned()
+    }
+
+    fn chunk(&mut self) -> Option<String> {
+        let length = usize::from_str_radix(&self.line(), 16).expect("a length");
+        let mut chunk = vec![0; length];
+        self.stream.read_exact(&mut chunk).expect("a chunk");
+        assert_eq!(self.line(), "");
+        (length > 0).then(|| String::from_utf8(chunk).expect("text"))
+    }
+
+    /// Whether the gateway has closed; what it still says is an error.
+    pub fn closed(&mut self) -> bool {
+        let mut rest = Vec::new();
+        match self.stream.read_to_end(&mut rest) {
+            Ok(_) => {
+                assert!(rest.is_empty(), "{rest:?}");
+                true
+            }
+            Err(error) => error.kind() == std::io::ErrorKind::ConnectionReset,
+        }
+    }
+}
+
+impl Reply {
+    pub fn field(&self, name: &str) -> Option<&str> {
+        self.fields.iter().find(|(field, _)| field == name).map(|(_, value)| value.as_str())
+    }
+
+    pub fn json(&self) -> Value {
+        serde_json::from_str(&self.body).unwrap_or_else(|error| panic!("{error}: {}", self.body))
+    }
+
+    /// Status and code of an error.
+    pub fn error(&self) -> (u16, String) {
+        assert_eq!(self.field("content-type"), Some("application/json"), "{self:?}");
+        let json = self.json();
+        assert!(json["error"]["message"].as_str().is_some_and(|text| !text.is_empty()), "{json}");
+        (self.status, json["error"]["code"].as_str().expect("a code").to_owned())
+    }
+}
