@@ -308,3 +308,19 @@ fn frame_in_a_frame() {
         assert_eq!(rig.finish(), End::Reply(vec![3, 2, 0, 7]), "cut at {cut}");
     }
 }
+
+/// What came before a request cannot become its reply.
+#[test]
+fn halves_of_two_transactions_are_not_joined() {
+    each(|rig, case| {
+        let whole = rig.adu(1, case.reply);
+        for cut in 1..whole.len() {
+            let end = rig.exchange(1, case.request, &[(DELAY, whole[..cut].to_vec())]);
+            assert!(matches!(end, End::NoReply(_)));
+            rig.now = rig.master.ready_at(1);
+            let end = rig.exchange(1, case.request, &[(DELAY, whole[cut..].to_vec())]);
+            assert!(matches!(end, End::NoReply(_)), "cut at {cut}");
+            rig.now = rig.master.ready_at(1);
+        }
+    });
+}

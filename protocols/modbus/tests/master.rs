@@ -55,6 +55,7 @@ fn utterances(mode: Mode) -> impl Strategy<Value = Vec<u8>> {
     let pdus = prop_oneof![
         vec(any::<u8>(), 1..=8),
         requests(),
+        requests().prop_map(|request| reply_to(&request)),
         (1..=4_u8, vec(any::<u8>(), 0..=20)).prop_map(|(function, data)| [
             vec![function, data.len() as u8],
             data
