@@ -16,6 +16,9 @@ pub fn run(arguments: &[String]) -> Outcome {
     let target = options.word();
     options.end()?;
     match target {
+        Some(target) if !targets()?.iter().any(|known| known == target) => {
+            Err(format!("no target `{target}`; there are {}", names()))
+        }
         Some(target) => {
             let way = Way::find()?;
             way.fuzz(target, time)

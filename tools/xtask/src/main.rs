@@ -7,6 +7,7 @@ mod firmware;
 mod fuzz;
 mod peers;
 mod size;
+mod stack;
 mod test;
 
 use std::process::ExitCode;
@@ -34,6 +35,12 @@ const COMMANDS: &[Command] = &[
         usage: "[--board NAME|all] [--top N]",
         does: "flash and RAM of each board against its budget, and the N largest statics",
         run: size::run,
+    },
+    Command {
+        name: "stack",
+        usage: "[--board NAME|all] [--top N]",
+        does: "the N functions of the firmware that take most of the stack",
+        run: stack::run,
     },
     Command { name: "fuzz", usage: "[--smoke] [TARGET]", does: "run the fuzz targets", run: fuzz::run },
     Command { name: "peers", usage: "", does: "exchange with independent Modbus programs", run: peers::run },

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use crate::board::BOARDS;
 use crate::command::{cargo, program, run as run_command, works};
 use crate::cross::Cross;
-use crate::{Outcome, firmware, fuzz, peers, size};
+use crate::{Outcome, firmware, fuzz, peers, size, stack};
 
 /// How long each fuzz target runs here; `cargo xtask fuzz --smoke` gives them more.
 const FUZZ: Duration = Duration::from_secs(3);
@@ -20,6 +20,7 @@ const STEPS: &[Step] = &[
     ("documentation", documentation),
     ("firmware", || firmware::run(&[])),
     ("size", || size::run(&[])),
+    ("stack", || stack::run(&[])),
     ("fuzz", || fuzz::all(FUZZ)),
     ("peers", || peers::run(&[])),
 ];

@@ -12,18 +12,28 @@ pub(super) enum Receiver {
     Rtu(Stream),
     Ascii {
         decoder: ascii::Decoder,
-        /// Characters came after the last frame or error.
-        noise: bool,
+        tail: Tail,
         /// Characters that belonged to no frame.
         garbage: u32,
     },
+}
+
+/// The ASCII characters since the last frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Tail {
+    /// There are none.
+    Clean,
+    /// They are no frame, and nothing has been said about them.
+    Untold,
+    /// The decoder said why they are no frame.
+    Told,
 }
 
 impl Receiver {
     pub const fn new(mode: Mode) -> Self {
         match mode {
             Mode::Rtu => Self::Rtu(Stream::new()),
-            Mode::Ascii => Self::Ascii { decoder: ascii::Decoder::new(), noise: false, garbage: 0 },
+            Mode::Ascii => Self::Ascii { decoder: ascii::Decoder::new(), tail: Tail::Clean, garbage: 0 },
         }
     }
 
@@ -34,10 +44,15 @@ impl Receiver {
                 stream.push(byte);
                 self.next(request)
             }
-            Self::Ascii { decoder, noise, garbage } => {
+            Self::Ascii { decoder, tail, garbage } => {
                 let length = decoder.pending() as u32 + 1;
                 let result = decoder.push(now, byte);
-                *noise = result.is_none();
+                *tail = match (&result, byte, *tail) {
+                    (Some(Ok(_)), ..) => Tail::Clean,
+                    (Some(Err(_)), ..) => Tail::Told,
+                    (None, b':', _) | (None, _, Tail::Clean) => Tail::Untold,
+                    (None, _, tail) => tail,
+                };
                 *garbage = garbage.wrapping_add(1);
                 if let Some(Ok(_)) = result {
                     *garbage = garbage.wrapping_sub(length);
@@ -74,7 +89,11 @@ impl Receiver {
     pub fn damage(&mut self) -> Option<FrameError> {
         match self {
             Self::Rtu(stream) => stream.damage(),
-            Self::Ascii { noise, .. } => core::mem::take(noise).then_some(FrameError::TooShort),
+            Self::Ascii { tail: tail @ Tail::Untold, .. } => {
+                *tail = Tail::Told;
+                Some(FrameError::TooShort)
+            }
+            Self::Ascii { .. } => None,
         }
     }
 
@@ -82,9 +101,9 @@ impl Receiver {
     pub fn clear(&mut self) {
         match self {
             Self::Rtu(stream) => stream.clear(),
-            Self::Ascii { decoder, noise, .. } => {
+            Self::Ascii { decoder, tail, .. } => {
                 *decoder = ascii::Decoder::new();
-                *noise = false;
+                *tail = Tail::Clean;
             }
         }
     }
