@@ -19,7 +19,7 @@ use crate::front::{self, Gateway};
 use crate::port::{Line, Place, limits};
 use crate::settings::{self, Settings};
 
-static DESK: StaticCell<Desk> = StaticCell::new();
+static DESK: Desk = Desk::new();
 static GATEWAY: StaticCell<Gateway> = StaticCell::new();
 
 /// Builds the gateway; once a process. The settings must have passed [`Settings::check`].
@@ -29,7 +29,7 @@ pub fn build(settings: Settings) -> &'static Gateway {
         queue_timeout: millis(bus.queue_timeout_ms),
         reply_timeout: millis(bus.reply_timeout_ms),
     });
-    let desk = &*DESK.init_with(|| Desk::new(buses, millis(settings.net.lease_ms)));
+    DESK.configure(buses, millis(settings.net.lease_ms));
     let axes = settings.axes.iter().map(|axis| AxisSpec {
         name: axis.name.clone(),
         bus: settings.bus(&axis.bus).unwrap_or_default(),
@@ -38,8 +38,8 @@ pub fn build(settings: Settings) -> &'static Gateway {
         max_rpm: axis.max_rpm,
         registers: axis.registers.over(Registers::default()),
     });
-    let axes = Axes::new(desk, axes);
-    GATEWAY.init_with(|| Gateway::new(settings, desk, axes))
+    let axes = Axes::new(&DESK, axes);
+    GATEWAY.init_with(|| Gateway::new(settings, &DESK, axes))
 }
 
 fn millis(ms: u32) -> Duration {

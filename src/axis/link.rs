@@ -2,9 +2,8 @@
 
 use heapless::Vec;
 use puente_drives::edb;
-use puente_modbus::reply::Reply;
+use puente_modbus::Evidence;
 use puente_modbus::request::Request;
-use puente_modbus::{Evidence, Pdu};
 
 use super::AxisError;
 use crate::clock;
@@ -25,8 +24,8 @@ pub(super) struct Link<'a> {
 }
 
 impl<'a> Link<'a> {
-    fn submit(&self, class: Class, pdu: Pdu) -> Result<Pending<'a>, AxisError> {
-        let order = Order { seat: self.seat, bus: self.bus, unit: self.unit, class, pdu };
+    fn submit(&self, class: Class, request: &Request<'_>) -> Result<Pending<'a>, AxisError> {
+        let order = Order { seat: self.seat, bus: self.bus, unit: self.unit, class, pdu: request.emit() };
         Ok(self.desk.submit(clock::now(), order)?)
     }
 
@@ -36,12 +35,13 @@ impl<'a> Link<'a> {
         address: u16,
         quantity: u16,
     ) -> Result<Vec<u16, MAX_WORDS>, AxisError> {
-        let request = Request::ReadHoldingRegisters { address, quantity }.emit();
-        let reply = self.submit(Class::Free, request.clone())?.await?;
-        match Reply::parse(&request, &reply) {
-            Ok(Reply::ReadHoldingRegisters { words }) => Ok(words.iter().take(MAX_WORDS).collect()),
-            other => Err(refusal(other)),
-        }
+        let mut pending = self.submit(Class::Free, &Request::ReadHoldingRegisters { address, quantity })?;
+        let words = |data: &[u8]| {
+            // Behind function code and byte count.
+            let (words, _) = data.get(2..).unwrap_or_default().as_chunks();
+            words.iter().take(MAX_WORDS).map(|word| u16::from_be_bytes(*word)).collect()
+        };
+        pending.answer(|reply| normal(reply).map(words)).await
     }
 
     /// Reads one register.
@@ -50,10 +50,9 @@ impl<'a> Link<'a> {
         words.first().copied().ok_or(MISFIT)
     }
 
-    /// Queues the writing of one register; the result is checked by [`confirm`].
+    /// Queues the writing of one register.
     pub(super) fn start_write(&self, address: u16, value: u16, class: Class) -> Result<Write<'a>, AxisError> {
-        let request = Request::WriteSingleRegister { address, value }.emit();
-        Ok(Write { pending: self.submit(class, request.clone())?, request })
+        Ok(Write(self.submit(class, &Request::WriteSingleRegister { address, value })?))
     }
 
     /// Writes one register; dropped unsent when the permit is revoked first.
@@ -68,25 +67,19 @@ impl<'a> Link<'a> {
 }
 
 /// A write on its way.
-pub(super) struct Write<'a> {
-    pending: Pending<'a>,
-    request: Pdu,
-}
+pub(super) struct Write<'a>(Pending<'a>);
 
 impl Write<'_> {
     /// Waits for the drive's confirmation.
-    pub(super) async fn confirmed(self) -> Result<(), AxisError> {
-        let reply = self.pending.await?;
-        match Reply::parse(&self.request, &reply) {
-            Ok(Reply::WriteSingleRegister { .. }) => Ok(()),
-            other => Err(refusal(other)),
-        }
+    pub(super) async fn confirmed(mut self) -> Result<(), AxisError> {
+        self.0.answer(|reply| normal(reply).map(|_| ())).await
     }
 }
 
-fn refusal<E>(reply: Result<Reply<'_>, E>) -> AxisError {
-    match reply {
-        Ok(Reply::Exception { code, .. }) => AxisError::Exception(code),
-        _ => MISFIT,
+/// The PDU of a normal reply, which the master has paired with its request to the last field.
+fn normal(reply: Result<&[u8], Failure>) -> Result<&[u8], AxisError> {
+    match reply? {
+        [function, code, ..] if function & 0x80 != 0 => Err(AxisError::Exception(*code)),
+        pdu => Ok(pdu),
     }
 }

@@ -172,7 +172,7 @@ impl Desk {
         holder: Holder,
         hold: Option<Duration>,
     ) -> Result<Permit, Leased> {
-        let hold = hold.unwrap_or(self.lease_time);
+        let hold = hold.unwrap_or_else(|| self.with(|state| state.lease_time));
         let permit = self.on_axis(axis, |state| {
             state.refuse_others(holder, now)?;
             if let Some((stopped, until)) = state.standstill

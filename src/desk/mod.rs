@@ -1,7 +1,8 @@
 //! Between the clients and the buses: bounded queues, fair order, deadlines, the circuit breaker of each slave and the
 //! commander's lease.
 //!
-//! A client's request is [`submit`](Desk::submit)ted and becomes a [`Pending`] that resolves to an [`Answer`]. Nothing
+//! A client's request is [`submit`](Desk::submit)ted and becomes a [`Pending`], which has the answer in time: the reply
+//! PDU (exceptions of the slave included; empty after a broadcast), or a [`Failure`]. Nothing
 //! is queued without bound, nothing is sent twice, and what is dropped before it was sent never is.
 
 mod breaker;
@@ -28,10 +29,6 @@ pub use route::Units;
 pub use statistics::{BUCKETS_MS, Statistics};
 
 use crate::port::limits::{AXES, BUSES, TICKETS};
-
-/// The result of a request: the reply PDU (exceptions of the slave included; empty after a broadcast), or why there
-/// is none.
-pub type Answer = Result<Pdu, Failure>;
 
 /// Why a request has no reply. The two cases differ in what the drive may have done.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -132,6 +129,7 @@ struct State {
     queue: queue::Queue,
     buses: Vec<Bus, BUSES>,
     leases: [lease::AxisLease; AXES],
+    lease_time: Duration,
 }
 
 /// The desk. One for the whole gateway, shared by every task.
@@ -139,32 +137,40 @@ pub struct Desk {
     state: Mutex<CriticalSectionRawMutex, RefCell<State>>,
     work: [Signal<CriticalSectionRawMutex, ()>; BUSES],
     leases_changed: [Signal<CriticalSectionRawMutex, ()>; AXES],
-    lease_time: Duration,
+}
+
+impl Default for Desk {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 impl Desk {
-    /// A desk for these buses; at most [`BUSES`] count. `lease_time` is how long a silent commander keeps its axes.
-    pub fn new(specs: impl IntoIterator<Item = BusSpec>, lease_time: Duration) -> Self {
-        let buses = specs
-            .into_iter()
-            .take(BUSES)
-            .map(|spec| Bus {
-                breaker: breaker::Breaker::new(spec.reply_timeout),
-                spec,
-                statistics: Statistics::default(),
-                last_seat: 0,
-            })
-            .collect();
+    /// A desk without buses, for a static.
+    pub const fn new() -> Self {
         Self {
             state: Mutex::new(RefCell::new(State {
                 queue: queue::Queue::new(),
-                buses,
+                buses: Vec::new(),
                 leases: [const { lease::AxisLease::new() }; AXES],
+                lease_time: Duration::ZERO,
             })),
             work: [const { Signal::new() }; BUSES],
             leases_changed: [const { Signal::new() }; AXES],
-            lease_time,
         }
+    }
+
+    /// Gives it its buses, at most [`BUSES`], and how long a silent commander keeps its axes. Before anything else.
+    pub fn configure(&self, specs: impl IntoIterator<Item = BusSpec>, lease_time: Duration) {
+        self.with(|state| {
+            state.lease_time = lease_time;
+            for spec in specs.into_iter().take(BUSES) {
+                let breaker = breaker::Breaker::new(spec.reply_timeout);
+                // There is room: no more than BUSES are taken.
+                let _ =
+                    state.buses.push(Bus { spec, breaker, statistics: Statistics::default(), last_seat: 0 });
+            }
+        });
     }
 
     fn with<R>(&self, f: impl FnOnce(&mut State) -> R) -> R {

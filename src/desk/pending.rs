@@ -1,14 +1,13 @@
 //! A request on its way: a future that gives the request up when it is dropped.
 
-use core::future::Future;
-use core::pin::Pin;
+use core::future::poll_fn;
 use core::task::{Context, Poll};
 
-use super::{Answer, Desk};
+use super::{Desk, Failure};
 use crate::bus::Ticket;
 
-/// Resolves to the [`Answer`]. Dropped before that, a request still in the queue is never sent; one on the wire runs
-/// its course and nobody hears of it.
+/// A request on its way. Dropped before its answer was taken, a request still in the queue is never sent; one on the
+/// wire runs its course and nobody hears of it.
 pub struct Pending<'d> {
     desk: &'d Desk,
     ticket: Option<Ticket>,
@@ -18,17 +17,23 @@ impl<'d> Pending<'d> {
     pub(super) fn new(desk: &'d Desk, ticket: Ticket) -> Self {
         Self { desk, ticket: Some(ticket) }
     }
-}
 
-impl Future for Pending<'_> {
-    type Output = Answer;
+    /// Waits for the answer and takes what `f` makes of it: the reply PDU stays where it is, which saves its waiting
+    /// owner the room. The answer is taken once.
+    pub async fn answer<T>(&mut self, mut f: impl FnMut(Result<&[u8], Failure>) -> T) -> T {
+        poll_fn(|context| self.poll_answer(context, &mut f)).await
+    }
 
-    fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Answer> {
+    /// The same, for those who poll several.
+    pub fn poll_answer<T>(
+        &mut self,
+        context: &mut Context<'_>,
+        f: impl FnOnce(Result<&[u8], Failure>) -> T,
+    ) -> Poll<T> {
         let Some(ticket) = self.ticket else {
             return Poll::Pending;
         };
-        let answer = self.desk.with(|state| state.queue.collect(ticket, context.waker()));
-        match answer {
+        match self.desk.with(|state| state.queue.collect(ticket, context.waker(), f)) {
             Some(answer) => {
                 self.ticket = None;
                 Poll::Ready(answer)

@@ -6,7 +6,7 @@ use embassy_sync::waitqueue::WakerRegistration;
 use puente_line::Instant;
 use puente_modbus::{Outcome, Pdu};
 
-use super::{Answer, Class, Desk, Failure, Order, Reason};
+use super::{Class, Desk, Failure, Order, Reason};
 use crate::bus::{End, Job, Next, Ticket, Work};
 use crate::port::limits::{PIPELINE, TICKETS};
 
@@ -90,16 +90,20 @@ impl Queue {
         Some(Ticket(index as u16))
     }
 
-    /// The answer, where there is one; else `waker` is woken when there is.
-    pub(super) fn collect(&mut self, ticket: Ticket, waker: &Waker) -> Option<Answer> {
+    /// What `f` makes of the answer, where there is one; else `waker` is woken when there is.
+    pub(super) fn collect<T>(
+        &mut self,
+        ticket: Ticket,
+        waker: &Waker,
+        f: impl FnOnce(Result<&[u8], Failure>) -> T,
+    ) -> Option<T> {
         let entry = self.entries.get_mut(usize::from(ticket.0))?;
-        let Phase::Answered(result) = &entry.phase else {
+        let Phase::Answered(result) = entry.phase else {
             entry.waker.register(waker);
             return None;
         };
-        let answer = result.map(|()| entry.order.pdu.clone());
         entry.phase = Phase::Free;
-        Some(answer)
+        Some(f(result.map(|()| entry.order.pdu.as_slice())))
     }
 
     /// Nobody waits for this request any more.

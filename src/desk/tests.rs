@@ -1,6 +1,5 @@
 //! The desk with a mock clock: fair order, stops first, deadlines, the breaker and the lease.
 
-use core::pin::pin;
 use core::task::{Context, Poll, Waker};
 
 use puente_line::{Duration, Instant};
@@ -17,7 +16,9 @@ fn desk() -> Desk {
     (1..=16).for_each(|unit| units.insert(unit));
     let spec =
         BusSpec { units, queue_timeout: Duration::from_secs(3), reply_timeout: Duration::from_millis(500) };
-    Desk::new([spec], LEASE)
+    let desk = Desk::new();
+    desk.configure([spec], LEASE);
+    desk
 }
 
 fn at(millis: u64) -> Instant {
@@ -49,8 +50,10 @@ fn miss(desk: &Desk, now: Instant, ticket: Ticket) {
     (BusQueue { desk, bus: 0 }).finish(now, ticket, End::Master(Outcome::NoReply(Evidence::Silence)));
 }
 
-fn poll(pending: Pending<'_>) -> Option<Answer> {
-    match pin!(pending).poll(&mut Context::from_waker(Waker::noop())) {
+fn poll(mut pending: Pending<'_>) -> Option<Result<Pdu, Failure>> {
+    let context = &mut Context::from_waker(Waker::noop());
+    let owned = |answer: Result<&[u8], Failure>| answer.map(|pdu| Pdu::from_slice(pdu).expect("a PDU"));
+    match pending.poll_answer(context, owned) {
         Poll::Ready(answer) => Some(answer),
         Poll::Pending => None,
     }

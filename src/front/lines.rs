@@ -5,7 +5,7 @@ use core::pin::pin;
 use embassy_futures::select::{Either, select};
 use embassy_time::with_timeout;
 use embedded_io_async::{Read, Write};
-use heapless::{String, Vec};
+use heapless::String;
 
 use super::inbox::Inbox;
 use super::{End, Gateway, Guest, console, idle, modbus_ascii, send};
@@ -14,7 +14,16 @@ use super::{End, Gateway, Guest, console, idle, modbus_ascii, send};
 const LINE: usize = puente_modbus::ascii::MAX_ADU;
 
 /// One line back.
-pub(super) type Reply = String<768>;
+pub(super) type Reply = String<640>;
+
+/// What a line asks for, after it was read: the line itself is not needed any more.
+#[allow(clippy::large_enum_variant, reason = "there is no heap, and one lives at a time")]
+enum Task<'g> {
+    Console(console::Task),
+    Modbus(modbus_ascii::Task<'g>),
+    /// Nothing is left to do but to send the reply.
+    Done,
+}
 
 pub(super) async fn serve<R: Read, W: Write>(
     gateway: &Gateway,
@@ -22,41 +31,24 @@ pub(super) async fn serve<R: Read, W: Write>(
     inbox: &mut Inbox<'_, R>,
     writer: &mut W,
 ) -> End {
+    // The rest of a line that was too long is dropped.
     let mut skipping = false;
+    let mut reply = Reply::new();
     loop {
-        let (line, length) = match next_line(inbox) {
-            Some(found) => found,
+        reply.clear();
+        match take_line(gateway, guest, inbox, &mut skipping, &mut reply) {
+            Some(task) => {
+                if let Err(end) = carry_out(gateway, guest, inbox, task, &mut reply).await {
+                    return end;
+                }
+            }
             None if inbox.ended() => return End::Closed,
-            None => {
-                if inbox.full() {
-                    inbox.consume(inbox.data().len());
-                    if !skipping && let Err(end) = send(writer, TOO_LONG).await {
-                        return end;
-                    }
-                    skipping = true;
-                }
-                match with_timeout(idle(gateway), inbox.fill()).await {
-                    Ok(Ok(())) => continue,
-                    Ok(Err(end)) => return end,
-                    Err(_) => return End::Idle,
-                }
-            }
-        };
-        inbox.consume(length);
-        if core::mem::take(&mut skipping) {
-            // The end of a line that has been refused already.
-            continue;
+            None => match with_timeout(idle(gateway), inbox.fill()).await {
+                Ok(Ok(())) => continue,
+                Ok(Err(end)) => return end,
+                Err(_) => return End::Idle,
+            },
         }
-        let Some(line) = line else {
-            match send(writer, TOO_LONG).await {
-                Ok(()) => continue,
-                Err(end) => return end,
-            }
-        };
-        let reply = match answer(gateway, guest, inbox, &line).await {
-            Ok(reply) => reply,
-            Err(end) => return end,
-        };
         if !reply.is_empty()
             && let Err(end) = send(writer, reply.as_bytes()).await
         {
@@ -65,39 +57,63 @@ pub(super) async fn serve<R: Read, W: Write>(
     }
 }
 
-const TOO_LONG: &[u8] = b"error too-long a line has at most 513 characters; this one was dropped\r\n";
+const TOO_LONG: &str = "error too-long a line has at most 513 characters; this one was dropped\r\n";
 
-/// The first line that has arrived in whole and how many bytes it takes with its end. A last line needs no end. No
-/// text where it is too long.
-fn next_line<R: Read>(inbox: &Inbox<'_, R>) -> Option<(Option<Vec<u8, LINE>>, usize)> {
+/// Takes the first line that has arrived in whole; a last line needs no end. None where there is none.
+fn take_line<'g, R: Read>(
+    gateway: &'g Gateway,
+    guest: Guest,
+    inbox: &mut Inbox<'_, R>,
+    skipping: &mut bool,
+    reply: &mut Reply,
+) -> Option<Task<'g>> {
     let data = inbox.data();
-    let length = match data.iter().position(|byte| *byte == b'\n') {
-        Some(at) => at + 1,
-        None if inbox.ended() && !data.is_empty() => data.len(),
+    let end = data.iter().position(|byte| *byte == b'\n').map(|at| at + 1);
+    let length = match end {
+        Some(length) => length,
+        None if inbox.ended() || inbox.full() => data.len(),
         None => return None,
     };
+    if length == 0 {
+        return None;
+    }
     let line = data.get(..length).unwrap_or_default().trim_ascii();
-    Some((Vec::from_slice(line).ok(), length))
+    let task = if *skipping {
+        Task::Done
+    } else if line.len() > LINE {
+        let _ = reply.push_str(TOO_LONG);
+        Task::Done
+    } else {
+        let gone = inbox.ended();
+        match line.first() {
+            None => Task::Done,
+            Some(b':') => Task::Modbus(modbus_ascii::begin(gateway, guest, gone, line, reply)),
+            Some(_) => Task::Console(console::begin(gateway, guest, gone, line, reply)),
+        }
+    };
+    *skipping = end.is_none();
+    inbox.consume(length);
+    Some(task)
 }
 
-/// Carries out one line. What arrives meanwhile is kept, and renews the client's leases.
-async fn answer<R: Read>(
+/// Does what a line asks for. What arrives meanwhile is kept, and renews the client's leases.
+async fn carry_out<R: Read>(
     gateway: &Gateway,
     guest: Guest,
     inbox: &mut Inbox<'_, R>,
-    line: &[u8],
-) -> Result<Reply, End> {
-    let gone = inbox.ended();
+    task: Task<'_>,
+    reply: &mut Reply,
+) -> Result<(), End> {
     let mut work = pin!(async {
-        match line.first() {
-            None => Reply::new(),
-            Some(b':') => modbus_ascii::answer(gateway, guest, gone, line).await,
-            Some(_) => console::answer(gateway, guest, gone, line).await,
+        match task {
+            Task::Console(task) => console::finish(gateway, guest, task, reply).await,
+            Task::Modbus(task) => modbus_ascii::finish(gateway, task, reply).await,
+            Task::Done => {}
         }
     });
     loop {
         match select(work.as_mut(), inbox.fill()).await {
-            Either::First(reply) => return Ok(reply),
+            Either::First(()) => return Ok(()),
             Either::Second(Ok(())) => {}
             Either::Second(Err(end)) => return Err(end),
         }

@@ -1,37 +1,59 @@
 //! A Modbus ASCII frame from a client, answered as Modbus ASCII whatever the line speaks.
 
 use core::fmt::Write;
+use core::future::poll_fn;
 
-use puente_modbus::{FrameError, ascii};
+use puente_modbus::{Exception, FrameError, ascii};
 
 use super::lines::Reply;
-use super::modbus_tcp::route;
+use super::modbus_tcp::{Flights, route};
 use super::{Gateway, Guest};
 
-/// The reply frame; empty after a broadcast. What is no frame gets a line `error ...`, which a Modbus ASCII master
-/// passes over.
-pub(super) async fn answer(gateway: &Gateway, guest: Guest, gone: bool, line: &[u8]) -> Reply {
-    let frame = match ascii::parse(line) {
-        Ok(frame) => frame,
-        Err(error) => return refusal(error),
-    };
-    let function = frame.pdu.first().copied().unwrap_or_default();
-    let mut reply = Reply::new();
-    match route(gateway, guest, gone, frame.unit, &frame.pdu) {
-        Err(exception) => push(&mut reply, frame.unit, &exception.pdu(function)),
-        Ok(flights) => {
-            for flight in flights {
-                let broadcast = flight.broadcast;
-                let ended = flight.ended(&gateway.axes).await;
-                match ended {
-                    _ if broadcast => {}
-                    Ok(pdu) => push(&mut reply, frame.unit, &pdu),
-                    Err(exception) => push(&mut reply, frame.unit, &exception.pdu(function)),
-                }
-            }
+/// A frame whose request is on its way.
+pub(super) struct Task<'g> {
+    unit: u8,
+    flights: Flights<'g>,
+}
+
+/// Reads a frame and queues its request. What is no frame gets a line `error ...`, which a Modbus ASCII master passes
+/// over; what is refused gets an exception.
+pub(super) fn begin<'g>(
+    gateway: &'g Gateway,
+    guest: Guest,
+    gone: bool,
+    line: &[u8],
+    reply: &mut Reply,
+) -> Task<'g> {
+    let (unit, routed) = match ascii::parse(line) {
+        Ok(frame) => {
+            let function = frame.pdu.first().copied().unwrap_or_default();
+            let routed = route(gateway, guest, gone, frame.unit, &frame.pdu);
+            (
+                frame.unit,
+                routed.map_err(|exception: Exception| push(reply, frame.unit, &exception.pdu(function))),
+            )
         }
+        Err(error) => {
+            let _ = write!(reply, "error {} {error}\r\n", code(error));
+            (0, Err(()))
+        }
+    };
+    Task { unit, flights: routed.unwrap_or_default() }
+}
+
+/// Waits for the reply, where one is due: a broadcast has none.
+pub(super) async fn finish(gateway: &Gateway, task: Task<'_>, reply: &mut Reply) {
+    for mut flight in task.flights {
+        let broadcast = flight.broadcast;
+        poll_fn(|context| {
+            flight.poll(context, &gateway.axes, |pdu| {
+                if !broadcast {
+                    push(reply, task.unit, pdu);
+                }
+            })
+        })
+        .await;
     }
-    reply
 }
 
 fn push(reply: &mut Reply, unit: u8, pdu: &[u8]) {
@@ -40,15 +62,12 @@ fn push(reply: &mut Reply, unit: u8, pdu: &[u8]) {
     let _ = core::str::from_utf8(&frame).map(|text| reply.push_str(text));
 }
 
-fn refusal(error: FrameError) -> Reply {
-    let code = match error {
+const fn code(error: FrameError) -> &'static str {
+    match error {
         FrameError::Check { .. } => "bad-lrc",
         FrameError::NotHex { .. } => "not-hex",
         FrameError::OddDigits => "odd-digits",
         FrameError::TooShort => "too-short",
         FrameError::TooLong => "too-long",
-    };
-    let mut reply = Reply::new();
-    let _ = write!(reply, "error {code} {error}\r\n");
-    reply
+    }
 }

@@ -1,8 +1,7 @@
 //! Modbus/TCP: pipelined requests, answered as they end.
 
 use core::future::poll_fn;
-use core::pin::Pin;
-use core::task::{Context, Poll};
+use core::task::{Context, Poll, ready};
 
 use embassy_futures::select::{Either3, select3};
 use embassy_time::Timer;
@@ -26,22 +25,30 @@ const FLIGHTS: usize = PIPELINE + BUSES;
 pub(super) struct Flight<'g> {
     /// No reply is due.
     pub(super) broadcast: bool,
+    function: u8,
     ruling: Ruling,
     pending: Pending<'g>,
 }
 
 impl Flight<'_> {
-    fn poll(&mut self, context: &mut Context<'_>, axes: &Axes) -> Poll<Result<Pdu, Exception>> {
-        let Poll::Ready(answer) = Future::poll(Pin::new(&mut self.pending), context) else {
-            return Poll::Pending;
-        };
-        axes.raw_ended(&self.ruling, !matches!(answer, Err(Failure::NotSent(_))));
-        Poll::Ready(answer.map_err(exception))
-    }
-
-    /// Waits for the reply PDU, or for the exception that stands for its absence.
-    pub(super) async fn ended(mut self, axes: &Axes) -> Result<Pdu, Exception> {
-        poll_fn(|context| self.poll(context, axes)).await
+    /// What `f` makes of the reply PDU, or of the exception that stands for its absence.
+    pub(super) fn poll<T>(
+        &mut self,
+        context: &mut Context<'_>,
+        axes: &Axes,
+        f: impl FnOnce(&[u8]) -> T,
+    ) -> Poll<T> {
+        let (ruling, function) = (&self.ruling, self.function);
+        let (sent, result) = ready!(self.pending.poll_answer(context, |answer| {
+            let sent = !matches!(answer, Err(Failure::NotSent(_)));
+            let result = match answer {
+                Ok(pdu) => f(pdu),
+                Err(failure) => f(&exception(failure).pdu(function)),
+            };
+            (sent, result)
+        }));
+        axes.raw_ended(ruling, sent);
+        Poll::Ready(result)
     }
 }
 
@@ -91,7 +98,8 @@ pub(super) fn route<'g>(
         match gateway.desk.submit(clock::now(), order) {
             Ok(pending) => {
                 // One flight a bus fits: the vector is as long as there can be buses.
-                let _ = flights.push(Flight { broadcast: unit == 0, ruling, pending });
+                let function = request.function();
+                let _ = flights.push(Flight { broadcast: unit == 0, function, ruling, pending });
             }
             Err(failure) => {
                 gateway.axes.raw_ended(&ruling, false);
@@ -106,9 +114,11 @@ pub(super) fn route<'g>(
 struct Transaction<'g> {
     number: u16,
     unit: u8,
-    function: u8,
     flight: Flight<'g>,
 }
+
+/// A reply frame; none is due after a broadcast.
+type Reply = Option<Vec<u8, { mbap::MAX_ADU }>>;
 
 pub(super) async fn serve<R: Read, W: Write>(
     gateway: &Gateway,
@@ -120,92 +130,88 @@ pub(super) async fn serve<R: Read, W: Write>(
     // Bytes of a frame with a foreign protocol id that are still to be dropped.
     let mut skip = 0;
     loop {
-        while let Some(frame) = next_frame(inbox, &mut skip) {
-            let Ok((header, pdu)) = frame else {
-                return End::Refused;
-            };
-            let function = pdu.first().copied().unwrap_or_default();
-            let refusal = match route(gateway, guest, inbox.ended(), header.unit, &pdu) {
-                Err(exception) => Some(exception),
-                Ok(flights) => flights.into_iter().find_map(|flight| {
-                    let (number, unit) = (header.transaction, header.unit);
-                    // The desk takes no more of one client than fit here, except stops.
-                    open.push(Transaction { number, unit, function, flight })
-                        .err()
-                        .map(|_| Exception::ServerDeviceBusy)
-                }),
-            };
-            if let Some(exception) = refusal {
-                let reply = mbap::emit(header.transaction, header.unit, &exception.pdu(function));
-                if let Err(end) = send(writer, &reply).await {
-                    return end;
+        let reply = match take_frame(gateway, guest, inbox, &mut skip, &mut open) {
+            Some(Ok(reply)) => reply,
+            Some(Err(end)) => return end,
+            None if inbox.ended() && open.is_empty() => return End::Closed,
+            None => {
+                let quiet = open.is_empty().then(|| embassy_time::Instant::now() + idle(gateway));
+                let any = poll_fn(|context| poll_any(&mut open, context, &gateway.axes));
+                match select3(any, inbox.fill(), until(quiet)).await {
+                    Either3::First(reply) => reply,
+                    Either3::Second(Ok(())) => None,
+                    Either3::Second(Err(end)) => return end,
+                    Either3::Third(()) => return End::Idle,
                 }
             }
-        }
-        if inbox.ended() && open.is_empty() {
-            return End::Closed;
-        }
-        let quiet = open.is_empty();
-        let silence =
-            async { if quiet { Timer::after(idle(gateway)).await } else { core::future::pending().await } };
-        match select3(poll_fn(|context| poll_any(&mut open, context, &gateway.axes)), inbox.fill(), silence)
-            .await
+        };
+        if let Some(reply) = reply
+            && let Err(end) = send(writer, &reply).await
         {
-            Either3::First((transaction, result)) => {
-                let pdu = match result {
-                    _ if transaction.flight.broadcast => continue,
-                    Ok(pdu) => pdu,
-                    Err(exception) => Pdu::from_iter(exception.pdu(transaction.function)),
-                };
-                if let Err(end) = send(writer, &mbap::emit(transaction.number, transaction.unit, &pdu)).await
-                {
-                    return end;
-                }
-            }
-            Either3::Second(Ok(())) => {}
-            Either3::Second(Err(end)) => return end,
-            Either3::Third(()) => return End::Idle,
+            return end;
         }
     }
 }
 
-type Ended<'g> = (Transaction<'g>, Result<Pdu, Exception>);
+async fn until(moment: Option<embassy_time::Instant>) {
+    match moment {
+        Some(moment) => Timer::at(moment).await,
+        None => core::future::pending().await,
+    }
+}
 
+/// The reply of a request that has ended.
 fn poll_any<'g>(
     open: &mut Vec<Transaction<'g>, FLIGHTS>,
     context: &mut Context<'_>,
     axes: &Axes,
-) -> Poll<Ended<'g>> {
+) -> Poll<Reply> {
     for index in 0..open.len() {
-        if let Some(transaction) = open.get_mut(index)
-            && let Poll::Ready(result) = transaction.flight.poll(context, axes)
-        {
-            return Poll::Ready((open.remove(index), result));
+        if let Some(Transaction { number, unit, flight }) = open.get_mut(index) {
+            let emit = |pdu: &[u8]| mbap::emit(*number, *unit, pdu);
+            if let Poll::Ready(reply) = flight.poll(context, axes, emit) {
+                let transaction = open.remove(index);
+                return Poll::Ready((!transaction.flight.broadcast).then_some(reply));
+            }
         }
     }
     Poll::Pending
 }
 
-/// The next whole frame. Frames of another protocol are dropped; a length that cannot be ends the connection, for
-/// nobody knows where the next frame begins.
-fn next_frame<R: Read>(inbox: &mut Inbox<'_, R>, skip: &mut usize) -> Option<Result<(Header, Pdu), End>> {
-    loop {
-        let dropped = (*skip).min(inbox.data().len());
-        inbox.consume(dropped);
-        *skip -= dropped;
-        let bytes = inbox.data().first_chunk::<{ mbap::HEADER }>()?;
-        match Header::parse(bytes) {
-            Ok(header) => {
-                let length = mbap::HEADER + usize::from(header.pdu_len);
-                let pdu = Pdu::from_slice(inbox.data().get(mbap::HEADER..length)?);
-                inbox.consume(length);
-                return Some(pdu.map(|pdu| (header, pdu)).map_err(|_| End::Refused));
-            }
-            Err(HeaderError::Protocol { length, .. }) => {
-                // The length counts from the unit id on, the last byte of the header.
-                *skip = mbap::HEADER - 1 + usize::from(length);
-            }
-            Err(HeaderError::Length { .. }) => return Some(Err(End::Refused)),
+/// Takes the next whole frame, if there is one, and queues its request; a refusal is replied to at once. Frames of
+/// another protocol are dropped. A length that cannot be ends the connection, for nobody knows where the next frame
+/// begins.
+fn take_frame<'g, R: Read>(
+    gateway: &'g Gateway,
+    guest: Guest,
+    inbox: &mut Inbox<'_, R>,
+    skip: &mut usize,
+    open: &mut Vec<Transaction<'g>, FLIGHTS>,
+) -> Option<Result<Reply, End>> {
+    let dropped = (*skip).min(inbox.data().len());
+    inbox.consume(dropped);
+    *skip -= dropped;
+    let bytes = inbox.data().first_chunk::<{ mbap::HEADER }>()?;
+    let Header { transaction: number, unit, pdu_len } = match Header::parse(bytes) {
+        Ok(header) => header,
+        Err(HeaderError::Protocol { length, .. }) => {
+            // The length counts from the unit id on, the last byte of the header.
+            *skip = mbap::HEADER - 1 + usize::from(length);
+            return Some(Ok(None));
         }
-    }
+        Err(HeaderError::Length { .. }) => return Some(Err(End::Refused)),
+    };
+    let length = mbap::HEADER + usize::from(pdu_len);
+    let pdu = inbox.data().get(mbap::HEADER..length)?;
+    let function = pdu.first().copied().unwrap_or_default();
+    let refusal = match route(gateway, guest, inbox.ended(), unit, pdu) {
+        Err(exception) => Some(exception),
+        // The desk takes no more of one client than fit here, except stops.
+        Ok(flights) => flights.into_iter().find_map(|flight| {
+            let queued = open.push(Transaction { number, unit, flight });
+            queued.err().map(|_| Exception::ServerDeviceBusy)
+        }),
+    };
+    inbox.consume(length);
+    Some(Ok(refusal.map(|exception| mbap::emit(number, unit, &exception.pdu(function)))))
 }

@@ -17,7 +17,7 @@ pub(super) enum Command<'a> {
 
 /// What an axis is to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum AxisCommand {
+pub(in crate::front) enum AxisCommand {
     Status,
     Enable,
     Disable,

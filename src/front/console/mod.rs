@@ -12,71 +12,84 @@ use super::{Gateway, Guest};
 use crate::axis::{AxisError, Commander, Jog, Snapshot};
 use crate::clock;
 use crate::desk::{Class, Failure, Order};
+use crate::settings::Name;
 use command::{AxisCommand, BusCommand, Command, Mistake};
 
 const HELP: &str = "ok commands=\"help; axis; axis NAME status|enable|disable|stop|alarm|clear; \
 axis NAME jog RPM; axis NAME get PnNNN; axis NAME set PnNNN VALUE; bus; bus NAME status; \
 bus NAME scan FIRST-LAST; feed\"";
 
-/// Carries out a command. `gone` tells that the client has closed its side and may not start motion any more.
-pub(super) async fn answer(gateway: &Gateway, guest: Guest, gone: bool, line: &[u8]) -> Reply {
-    let mut reply = Reply::new();
-    // A reply that does not fit is cut; the longest is the help text, which fits.
-    let _ = match command::parse(line) {
-        Err(mistake) => write!(reply, "error {} {mistake}", mistake.code()),
+/// A command that needs the drives.
+pub(super) enum Task {
+    /// To an axis, by its number.
+    Axis(u8, AxisCommand),
+    /// To a bus, by its number: find the units from the first to the last.
+    Scan(u8, (u8, u8)),
+    /// Nothing; the reply is written.
+    Done,
+}
+
+/// Reads a command, and answers it where that needs no drive. `gone` tells that the client has closed its side and may
+/// not start motion any more.
+pub(super) fn begin(gateway: &Gateway, guest: Guest, gone: bool, line: &[u8], reply: &mut Reply) -> Task {
+    let task = match command::parse(line) {
+        Err(mistake) => Err(error(reply, mistake.code(), mistake)),
         Ok(command) if guest.stop_only && !command.stops() => {
-            write!(
-                reply,
-                "error full {} clients are connected; only stop and disable are served",
-                gateway.settings.net.clients
-            )
+            let clients = gateway.settings.net.clients;
+            let text = format_args!("{clients} clients are connected; only stop and disable are served");
+            Err(error(reply, "full", text))
         }
-        Ok(command) if gone && command.moves() => reply
-            .push_str("error gone the client has closed its side, so nothing would stop the axis")
-            .map_err(|_| core::fmt::Error),
-        Ok(Command::Help) => reply.push_str(HELP).map_err(|_| core::fmt::Error),
-        Ok(Command::Feed) => reply.push_str("ok").map_err(|_| core::fmt::Error),
-        Ok(Command::Axes) => axes(gateway, &mut reply),
-        Ok(Command::Buses) => buses(gateway, &mut reply),
-        Ok(Command::Axis(name, command)) => {
-            match axis(gateway, guest.commander(), name, command, &mut reply).await {
-                Ok(()) => Ok(()),
-                Err(error) => {
-                    reply.clear();
-                    write!(reply, "error {} axis {name}: {error}", error.code())
-                }
-            }
+        Ok(command) if gone && command.moves() => {
+            Err(error(reply, "gone", "the client has closed its side, so nothing would stop the axis"))
         }
-        Ok(Command::Bus(name, command)) => match gateway.settings.bus(name) {
-            None => write!(reply, "error unknown-bus no bus has the name {name}; 'bus' lists them"),
-            Some(bus) => match command {
-                BusCommand::Status => bus_status(gateway, bus, &mut reply),
-                BusCommand::Scan(units) => scan(gateway, guest, bus, units, &mut reply).await,
-            },
-        },
+        Ok(command) => resolve(gateway, command, reply),
     };
-    // Room for the line end, whatever was cut.
-    reply.truncate(reply.len().min(reply.capacity() - 2));
-    let _ = reply.push_str("\r\n");
-    reply
+    task.unwrap_or_else(|Told| {
+        end(reply);
+        Task::Done
+    })
 }
 
-fn axes(gateway: &Gateway, reply: &mut Reply) -> core::fmt::Result {
-    reply.write_str("ok axes=")?;
-    for (id, axis) in gateway.axes.iter() {
-        let separator = if id == 0 { "" } else { "," };
-        write!(reply, "{separator}{}", axis.spec.name)?;
+/// The reply has been written.
+struct Told;
+
+fn resolve(gateway: &Gateway, command: Command<'_>, reply: &mut Reply) -> Result<Task, Told> {
+    match command {
+        Command::Help => say(reply, format_args!("{HELP}")),
+        Command::Feed => say(reply, format_args!("ok")),
+        Command::Axes => list(reply, "axes", gateway.axes.iter().map(|(_, axis)| &axis.spec.name)),
+        Command::Buses => list(reply, "buses", gateway.settings.buses.iter().map(|bus| &bus.name)),
+        Command::Axis(name, command) => match gateway.axes.find(name) {
+            Ok(id) => return Ok(Task::Axis(id, command)),
+            Err(unknown) => return Err(error(reply, unknown.code(), unknown)),
+        },
+        Command::Bus(name, command) => match (gateway.settings.bus(name), command) {
+            (Some(bus), BusCommand::Scan(units)) => return Ok(Task::Scan(bus, units)),
+            (Some(bus), BusCommand::Status) => bus_status(gateway, bus, reply),
+            (None, _) => return Err(error(reply, "unknown-bus", "no bus has this name; 'bus' lists them")),
+        },
     }
-    Ok(())
+    Err(Told)
 }
 
-fn buses(gateway: &Gateway, reply: &mut Reply) -> core::fmt::Result {
-    reply.write_str("ok buses=")?;
-    for (index, bus) in gateway.settings.buses.iter().enumerate() {
-        let separator = if index == 0 { "" } else { "," };
-        write!(reply, "{separator}{}", bus.name)?;
+/// Does what needs the drives, and writes the reply.
+pub(super) async fn finish(gateway: &Gateway, guest: Guest, task: Task, reply: &mut Reply) {
+    match task {
+        Task::Axis(id, command) => {
+            let name = gateway.axes.get(id).map_or("", |axis| axis.spec.name.as_str());
+            say(reply, format_args!("ok axis={name}"));
+            if let Err(failed) = axis(gateway, guest.commander(), id, command, reply).await {
+                reply.clear();
+                error(reply, failed.code(), format_args!("axis {name}: {failed}"));
+            }
+            end(reply);
+        }
+        Task::Scan(bus, units) => {
+            scan(gateway, guest, bus, units, reply).await;
+            end(reply);
+        }
+        Task::Done => {}
     }
-    Ok(())
 }
 
 /// What cannot be written any more is cut off.
@@ -84,16 +97,33 @@ fn say(reply: &mut Reply, text: core::fmt::Arguments<'_>) {
     let _ = reply.write_fmt(text);
 }
 
+fn error(reply: &mut Reply, code: &str, text: impl core::fmt::Display) -> Told {
+    say(reply, format_args!("error {code} {text}"));
+    Told
+}
+
+/// Ends the line, whatever was cut.
+fn end(reply: &mut Reply) {
+    reply.truncate(reply.len().min(reply.capacity() - 2));
+    let _ = reply.push_str("\r\n");
+}
+
+fn list<'a>(reply: &mut Reply, key: &str, names: impl Iterator<Item = &'a Name>) {
+    say(reply, format_args!("ok {key}="));
+    for (index, name) in names.enumerate() {
+        let separator = if index == 0 { "" } else { "," };
+        say(reply, format_args!("{separator}{name}"));
+    }
+}
+
 async fn axis(
     gateway: &Gateway,
     by: Commander,
-    name: &str,
+    id: u8,
     command: AxisCommand,
     reply: &mut Reply,
 ) -> Result<(), AxisError> {
     let axes = &gateway.axes;
-    let id = axes.find(name)?;
-    say(reply, format_args!("ok axis={name}"));
     match command {
         AxisCommand::Status => {
             let snapshot = axes.status(id, by, Duration::ZERO).await?;
@@ -182,14 +212,14 @@ fn status(gateway: &Gateway, id: u8, snapshot: &Snapshot, reply: &mut Reply) {
     }
 }
 
-fn bus_status(gateway: &Gateway, bus: u8, reply: &mut Reply) -> core::fmt::Result {
+fn bus_status(gateway: &Gateway, bus: u8, reply: &mut Reply) {
     let (Some(counted), Some(settings)) =
         (gateway.desk.statistics(bus), gateway.settings.buses.get(usize::from(bus)))
     else {
-        return Ok(());
+        return;
     };
     let mean = counted.latency_sum_us / u64::from(counted.confirmed.max(1));
-    write!(
+    let _ = write!(
         reply,
         "ok bus={} protocol={} port={} baud={} format={} requests={} confirmed={} exceptions={} no_reply={} \
          not_sent={} late={} bad_check={} garbage={} echoes={} waiting={} resting={} mean_us={mean}",
@@ -209,44 +239,36 @@ fn bus_status(gateway: &Gateway, bus: u8, reply: &mut Reply) -> core::fmt::Resul
         counted.line.echoes,
         counted.waiting,
         counted.resting,
-    )
+    );
 }
 
 /// Asks each unit for one register; whatever answers, if only with an exception, is there.
-async fn scan(
-    gateway: &Gateway,
-    guest: Guest,
-    bus: u8,
-    (first, last): (u8, u8),
-    reply: &mut Reply,
-) -> core::fmt::Result {
-    write!(
-        reply,
-        "ok bus={} scanned={first}-{last} found=",
-        gateway.settings.buses.get(usize::from(bus)).map_or("", |b| b.name.as_str())
-    )?;
-    let address = puente_drives::edb::register::STATUS;
+async fn scan(gateway: &Gateway, guest: Guest, bus: u8, (first, last): (u8, u8), reply: &mut Reply) {
+    let name = gateway.settings.buses.get(usize::from(bus)).map_or("", |bus| bus.name.as_str());
+    say(reply, format_args!("ok bus={name} scanned={first}-{last} found="));
     let mut separator = "";
     for unit in first..=last {
-        let pdu = Request::ReadHoldingRegisters { address, quantity: 1 }.emit();
-        let order = Order { seat: guest.seat, bus, unit, class: Class::Probe, pdu };
-        let answer = match gateway.desk.submit(clock::now(), order) {
-            Ok(pending) => pending.await,
-            Err(failure) => Err(failure),
-        };
-        match answer {
-            Ok(_) => {
-                write!(reply, "{separator}{unit}")?;
+        match probe(gateway, guest, bus, unit).await {
+            Ok(()) => {
+                say(reply, format_args!("{separator}{unit}"));
                 separator = ",";
             }
             Err(Failure::NoReply(_)) => {}
             Err(failure) => {
                 reply.clear();
-                return write!(reply, "error not-sent scan ended at unit {unit}: {failure}");
+                error(reply, "not-sent", format_args!("scan ended at unit {unit}: {failure}"));
+                return;
             }
         }
     }
-    Ok(())
+}
+
+async fn probe(gateway: &Gateway, guest: Guest, bus: u8, unit: u8) -> Result<(), Failure> {
+    let address = puente_drives::edb::register::STATUS;
+    let pdu = Request::ReadHoldingRegisters { address, quantity: 1 }.emit();
+    let order = Order { seat: guest.seat, bus, unit, class: Class::Probe, pdu };
+    let mut pending = gateway.desk.submit(clock::now(), order)?;
+    pending.answer(|answer| answer.map(|_| ())).await
 }
 
 impl Mistake<'_> {
