@@ -10,7 +10,7 @@ use static_cell::StaticCell;
 use super::options::{Action, Options, USAGE};
 use super::{bus_task, front_task, line_settings, master, mode, watch_task};
 use crate::front::Gateway;
-use crate::port::host::{Doors, LineSpec};
+use crate::port::host::{Doors, LineSpec, exact_timers};
 use crate::port::{Line, Place, limits};
 use crate::settings::{Bus, Settings};
 
@@ -83,6 +83,7 @@ fn simulated(settings: &Settings, bus: &Bus) -> puente_cell::Config {
 }
 
 fn run(settings: Settings, lines: Vec<LineSpec>) -> ExitCode {
+    exact_timers();
     let doors = match Doors::open(settings.net.bind, settings.net.port, settings.net.modbus_port) {
         Ok(doors) => doors,
         Err(error) => return fail(error),

@@ -3,8 +3,10 @@
 pub mod limits;
 mod line;
 mod net;
+mod scheduling;
 mod sim;
 mod tty;
 
 pub use line::{BadPort, Line, LineSpec};
 pub use net::{Doors, Place};
+pub use scheduling::exact_timers;

@@ -1,5 +1,6 @@
 //! Every build and check of puente: `cargo xtask COMMAND`.
 
+mod bench;
 mod board;
 mod command;
 mod cross;
@@ -43,6 +44,12 @@ const COMMANDS: &[Command] = &[
         run: stack::run,
     },
     Command { name: "fuzz", usage: "[--smoke] [TARGET]", does: "run the fuzz targets", run: fuzz::run },
+    Command {
+        name: "bench",
+        usage: "modbus",
+        does: "measure transactions through the gateway against the floor of the line",
+        run: bench::run,
+    },
     Command { name: "peers", usage: "", does: "exchange with independent Modbus programs", run: peers::run },
 ];
 

@@ -1,0 +1,20 @@
+//! `cargo xtask bench`: measurements of the running gateway, printed as a page of Markdown.
+//!
+//! The gateway and the simulated cell run as programs of their own, built for release. Progress goes to stderr, the page
+//! to stdout: `cargo xtask bench modbus > docs/bench.md`.
+
+mod client;
+mod machine;
+mod modbus;
+mod programs;
+mod samples;
+
+use crate::Outcome;
+
+pub fn run(arguments: &[String]) -> Outcome {
+    match arguments {
+        [what] if what == "modbus" => modbus::run(),
+        [] => Err("say what to measure: modbus".into()),
+        [word, ..] => Err(format!("unknown: {word}; there is: modbus")),
+    }
+}

@@ -1,0 +1,98 @@
+//! The two programs under measurement: the gateway, and the simulated cell on a pseudo terminal.
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+/// A program that has said that it is ready; it is ended with this value.
+struct Running(Child);
+
+impl Running {
+    /// Starts a program and returns what follows `ready ` in its first line.
+    fn start(command: &mut Command) -> Result<(Self, String), String> {
+        let name = command.get_program().to_string_lossy().into_owned();
+        let child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
+        let mut running = Self(child.map_err(|error| format!("{name}: {error}"))?);
+        let mut line = String::new();
+        if let Some(stdout) = running.0.stdout.take() {
+            BufReader::new(stdout).read_line(&mut line).map_err(|error| format!("{name}: {error}"))?;
+        }
+        let ready = line.trim_end().strip_prefix("ready ").ok_or(format!("{name} did not get ready"))?;
+        Ok((running, ready.to_owned()))
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Where the programs and their files are.
+pub struct Bench {
+    /// Of the built programs.
+    pub programs: PathBuf,
+    /// For links, logs and settings.
+    pub scratch: PathBuf,
+}
+
+/// The cell: one drive, unit 1, on a pseudo terminal at 115200 8E1.
+pub struct Cell {
+    _running: Running,
+    /// The pseudo terminal.
+    pub line: PathBuf,
+    log: PathBuf,
+}
+
+impl Cell {
+    pub fn start(bench: &Bench, paced: bool) -> Result<Self, String> {
+        let (line, log) = (bench.scratch.join("line"), bench.scratch.join("cell.log"));
+        let mut command = Command::new(bench.programs.join("cell"));
+        command.args(["--protocol", "modbus-rtu", "--baud", "115200", "--format", "8E1", "--units", "1"]);
+        command.args(["--reply-delay-ms", "0", "--max-read", "125"]);
+        if !paced {
+            command.arg("--unpaced");
+        }
+        command.arg("--pty").arg(&line).arg("--log").arg(&log);
+        let (running, _) = Running::start(&mut command)?;
+        Ok(Self { _running: running, line, log })
+    }
+
+    /// The moments at which the replies of this many bytes were complete on the line, since the cell's start.
+    pub fn replies(&self, bytes: usize) -> Result<Vec<Duration>, String> {
+        let log = fs::read_to_string(&self.log).map_err(|error| format!("the cell's log: {error}"))?;
+        let reply = |line: &str| {
+            let (micros, frame) = line.split_once(" < ")?;
+            (frame.len() == 2 * bytes).then(|| micros.parse().ok().map(Duration::from_micros))?
+        };
+        Ok(log.lines().filter_map(reply).collect())
+    }
+}
+
+/// The gateway with one RTU bus at 115200 8E1.
+pub struct Gateway {
+    _running: Running,
+    /// Its port for Modbus/TCP.
+    pub address: SocketAddr,
+}
+
+impl Gateway {
+    pub fn start(bench: &Bench, line: &Path) -> Result<Self, String> {
+        let settings = bench.scratch.join("gateway.toml");
+        let text = format!(
+            "[net]\nport = 0\nmodbus_port = 0\nclients = 40\n\
+             [[bus]]\nname = \"a\"\nprotocol = \"modbus-rtu\"\nport = \"{}\"\nbaud = 115200\nformat = \"8E1\"\n",
+            line.display()
+        );
+        fs::write(&settings, text).map_err(|error| format!("{}: {error}", settings.display()))?;
+        let mut command = Command::new(bench.programs.join("gateway"));
+        let (running, ready) = Running::start(command.arg("--config").arg(&settings))?;
+        let address = ready.rsplit_once("modbus-tcp://").and_then(|(_, address)| address.parse().ok());
+        let address = address.ok_or(format!("the gateway names no Modbus/TCP port: {ready}"))?;
+        Ok(Self { _running: running, address })
+    }
+}
