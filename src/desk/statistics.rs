@@ -50,7 +50,7 @@ impl Statistics {
             self.exceptions += 1;
         }
         self.latency_sum_us += latency.as_micros() as u64;
-        let bucket = BUCKETS_MS.iter().position(|ms| latency.as_millis() <= u128::from(*ms));
+        let bucket = BUCKETS_MS.iter().position(|ms| latency <= Duration::from_millis(u64::from(*ms)));
         if let Some(count) = self.latency.get_mut(bucket.unwrap_or(BUCKETS_MS.len())) {
             *count += 1;
         }

@@ -172,7 +172,7 @@ async fn attend<S: Socket>(gateway: &'static Gateway, guest: Guest, socket: &mut
     match dialect {
         Ok(Dialect::ModbusTcp) => modbus_tcp::serve(gateway, guest, &mut inbox, &mut writer).await,
         Ok(Dialect::Lines) => lines::serve(gateway, guest, &mut inbox, &mut writer).await,
-        Ok(Dialect::Http) => http::serve(gateway, guest, inbox, writer).await,
+        Ok(Dialect::Http) => http::serve(gateway, guest, &mut inbox, &mut writer).await,
         Ok(Dialect::Unknown) => {
             let text = b"error unknown-dialect expected HTTP, Modbus/TCP, a Modbus ASCII frame or a command; try 'help'\r\n";
             match send(&mut writer, text).await {
@@ -198,13 +198,9 @@ async fn listen<R: embedded_io_async::Read>(inbox: &mut Inbox<'_, R>) -> Result<
     }
 }
 
-/// Sends all of it, to a client that takes it.
+/// Hands all of it to the network, where the client takes it; does not wait until the client has acknowledged it.
 async fn send<W: Write>(writer: &mut W, bytes: &[u8]) -> Result<(), End> {
-    let sent = async {
-        writer.write_all(bytes).await?;
-        writer.flush().await
-    };
-    match with_timeout(SLOW_READER, sent).await {
+    match with_timeout(SLOW_READER, writer.write_all(bytes)).await {
         Ok(Ok(())) => Ok(()),
         Ok(Err(_)) => Err(End::Broken),
         Err(_) => Err(End::Slow),

@@ -8,6 +8,7 @@ use serde::Deserialize;
 
 use super::super::{Gateway, Guest};
 use super::head::{Head, Method, hash};
+use super::page::Asset;
 use super::problem::{HOLD_MS, Problem};
 use super::reply::Reply;
 use super::resource::{Command, Resource};
@@ -20,12 +21,27 @@ use crate::port::limits::AXES;
 /// Values of a drive that are not older than this are not read again.
 const FRESH: Duration = Duration::from_millis(400);
 
-/// Who asks, and what.
-pub(super) struct Call<'a> {
-    pub gateway: &'a Gateway,
-    pub guest: Guest,
-    pub head: &'a Head,
-    pub body: &'a [u8],
+/// What was asked for, in terms of this gateway: the request itself is not needed any more.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Task {
+    Asset(&'static Asset),
+    Axes,
+    Axis(u8),
+    Command(u8, Action),
+    Parameter(u8, Parameter),
+    SetParameter(u8, Parameter, u16),
+    Buses,
+    Metrics,
+}
+
+/// What an axis is told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Action {
+    Jog(i32, Option<Duration>),
+    Stop,
+    Enable,
+    Disable,
+    Clear,
 }
 
 #[derive(Deserialize)]
@@ -41,58 +57,114 @@ struct ParameterBody {
     value: i32,
 }
 
+/// Understands a request, where this client may have it.
+pub(super) fn understand(
+    gateway: &Gateway,
+    guest: Guest,
+    head: &Head<'_>,
+    body: &[u8],
+) -> Result<Task, Problem> {
+    let resource = Resource::find(head.path);
+    if guest.stop_only && !resource.is_some_and(|resource| resource.stops()) {
+        return Err(Problem::Full);
+    }
+    let resource = resource.ok_or(Problem::NotFound)?;
+    if !resource.takes(head.method) {
+        return Err(Problem::Method(resource.methods()));
+    }
+    if head.foreign && matches!(head.method, Method::Post | Method::Put) {
+        return Err(Problem::Origin);
+    }
+    Ok(match resource {
+        Resource::Asset(asset) => Task::Asset(asset),
+        Resource::Axes => Task::Axes,
+        Resource::Axis(name) => Task::Axis(gateway.axes.find(name)?),
+        Resource::Command(name, command) => Task::Command(gateway.axes.find(name)?, action(command, body)?),
+        Resource::Parameter(name, parameter) => {
+            let id = gateway.axes.find(name)?;
+            let parameter = parameter.parse().map_err(Problem::Parameter)?;
+            match head.method {
+                Method::Put => Task::SetParameter(id, parameter, word(body)?),
+                _ => Task::Parameter(id, parameter),
+            }
+        }
+        Resource::Buses => Task::Buses,
+        Resource::Metrics => Task::Metrics,
+    })
+}
+
+fn action(command: Command, body: &[u8]) -> Result<Action, Problem> {
+    Ok(match command {
+        Command::Jog => {
+            let JogBody { rpm, hold_ms } = json(body, "{\"rpm\": 100, \"hold_ms\": 500}")?;
+            Action::Jog(rpm, hold(hold_ms)?)
+        }
+        Command::Stop => Action::Stop,
+        Command::Enable => Action::Enable,
+        Command::Disable => Action::Disable,
+        Command::Clear => Action::Clear,
+    })
+}
+
+/// The new value of a parameter.
+fn word(body: &[u8]) -> Result<u16, Problem> {
+    let ParameterBody { value } = json(body, "{\"value\": 100}")?;
+    let max = i32::from(u16::MAX);
+    u16::try_from(value).map_err(|_| AxisError::Range { value, min: 0, max }.into())
+}
+
+/// HTTP users hold leases as themselves, not as one of their connections.
+pub(super) fn commander(guest: Guest, head: &Head<'_>) -> Commander {
+    let user = head.client.unwrap_or_else(|| hash(&guest.peer.ip));
+    Commander { seat: guest.seat, holder: Holder::Http(user) }
+}
+
+/// Who is answered.
+pub(super) struct Call<'a> {
+    pub gateway: &'a Gateway,
+    pub by: Commander,
+}
+
 impl Call<'_> {
-    /// Carries it out and sends the reply.
-    pub(super) async fn answer<W: Write>(&self, reply: &mut Reply<'_, W>) -> Result<(), Fault> {
-        let resource = self.resource()?;
-        match resource {
-            Resource::Asset(asset) => reply.asset(asset).await?,
-            Resource::Axes => self.axes(reply).await?,
-            Resource::Axis(name) => {
-                let id = self.gateway.axes.find(name)?;
+    /// Carries a task out and sends the reply.
+    pub(super) async fn answer<W: Write>(&self, task: Task, reply: &mut Reply<'_, W>) -> Result<(), Fault> {
+        match task {
+            Task::Asset(asset) => reply.asset(asset).await?,
+            Task::Axes => self.axes(reply).await?,
+            Task::Axis(id) => {
                 let error = self.read(id).await;
                 self.axis(id, error, reply).await?;
                 reply.finish().await?;
             }
-            Resource::Command(name, command) => {
-                let id = self.gateway.axes.find(name)?;
-                self.command(id, command).await?;
-                let known = self.gateway.axes.get(id)?.known();
-                reply.value(&view::Commanded::new(name, known, self.gateway.axes.leased(id))).await?;
+            Task::Command(id, action) => {
+                self.command(id, action).await?;
+                let axis = self.gateway.axes.get(id)?;
+                let lease = self.gateway.axes.leased(id);
+                reply.value(&view::Commanded::new(&axis.spec.name, axis.known(), lease)).await?;
             }
-            Resource::Parameter(name, parameter) => {
-                let id = self.gateway.axes.find(name)?;
-                let parameter = parameter.parse().map_err(Problem::Parameter)?;
-                let value = self.parameter(id, parameter).await?;
-                reply.value(&view::ParameterValue::new(name, parameter, value)).await?;
+            Task::Parameter(id, parameter) => {
+                let value = self.gateway.axes.parameter(id, self.by, parameter).await?;
+                self.value(id, parameter, value, reply).await?;
             }
-            Resource::Buses => self.buses(reply).await?,
-            Resource::Metrics => metrics::send(self.gateway, reply).await?,
+            Task::SetParameter(id, parameter, value) => {
+                self.gateway.axes.set_parameter(id, self.by, parameter, value).await?;
+                self.value(id, parameter, value, reply).await?;
+            }
+            Task::Buses => self.buses(reply).await?,
+            Task::Metrics => metrics::send(self.gateway, reply).await?,
         }
         Ok(())
     }
 
-    /// What the path names, where this client may have it by this method.
-    fn resource(&self) -> Result<Resource<'_>, Problem> {
-        let path = self.head.path.as_deref();
-        let resource = path.and_then(Resource::find);
-        if self.guest.stop_only && !resource.is_some_and(|resource| resource.stops()) {
-            return Err(Problem::Full);
-        }
-        let resource = resource.ok_or(Problem::NotFound)?;
-        if !resource.takes(self.head.method) {
-            return Err(Problem::Method(resource.methods()));
-        }
-        if self.head.foreign && matches!(self.head.method, Method::Post | Method::Put) {
-            return Err(Problem::Origin);
-        }
-        Ok(resource)
-    }
-
-    /// HTTP users hold leases as themselves, not as one of their connections.
-    fn commander(&self) -> Commander {
-        let user = self.head.client.unwrap_or_else(|| hash(&self.guest.peer.ip));
-        Commander { seat: self.guest.seat, holder: Holder::Http(user) }
+    async fn value<W: Write>(
+        &self,
+        id: u8,
+        parameter: Parameter,
+        value: u16,
+        reply: &mut Reply<'_, W>,
+    ) -> Result<(), Fault> {
+        let name = &self.gateway.axes.get(id)?.spec.name;
+        Ok(reply.value(&view::ParameterValue::new(name, parameter, value)).await?)
     }
 
     async fn axes<W: Write>(&self, reply: &mut Reply<'_, W>) -> Result<(), Fault> {
@@ -114,7 +186,7 @@ impl Call<'_> {
 
     /// Reads the values of an axis anew where they are old; why that failed.
     async fn read(&self, id: u8) -> Option<AxisError> {
-        self.gateway.axes.status(id, self.commander(), FRESH).await.err()
+        self.gateway.axes.status(id, self.by, FRESH).await.err()
     }
 
     async fn axis<W: Write>(
@@ -137,31 +209,15 @@ impl Call<'_> {
         Ok(reply.json(&view::Axis::new(&found)).await?)
     }
 
-    async fn command(&self, id: u8, command: Command) -> Result<(), Problem> {
-        let (axes, by) = (&self.gateway.axes, self.commander());
-        match command {
-            Command::Jog => {
-                let JogBody { rpm, hold_ms } = json(self.body, "{\"rpm\": 100, \"hold_ms\": 500}")?;
-                axes.jog(id, by, rpm, hold(hold_ms)?).await?;
-            }
-            Command::Stop => axes.stop(id, by).await?,
-            Command::Enable => axes.enable(id, by).await?,
-            Command::Disable => axes.disable(id, by).await?,
-            Command::Clear => axes.clear(id, by).await?,
+    async fn command(&self, id: u8, action: Action) -> Result<(), AxisError> {
+        let (axes, by) = (&self.gateway.axes, self.by);
+        match action {
+            Action::Jog(rpm, hold) => axes.jog(id, by, rpm, hold).await,
+            Action::Stop => axes.stop(id, by).await,
+            Action::Enable => axes.enable(id, by).await,
+            Action::Disable => axes.disable(id, by).await,
+            Action::Clear => axes.clear(id, by).await,
         }
-        Ok(())
-    }
-
-    async fn parameter(&self, id: u8, parameter: Parameter) -> Result<u16, Problem> {
-        let (axes, by) = (&self.gateway.axes, self.commander());
-        if self.head.method != Method::Put {
-            return Ok(axes.parameter(id, by, parameter).await?);
-        }
-        let ParameterBody { value } = json(self.body, "{\"value\": 100}")?;
-        let max = i32::from(u16::MAX);
-        let word = u16::try_from(value).map_err(|_| AxisError::Range { value, min: 0, max })?;
-        axes.set_parameter(id, by, parameter, word).await?;
-        Ok(word)
     }
 
     async fn buses<W: Write>(&self, reply: &mut Reply<'_, W>) -> Result<(), Fault> {

@@ -1,13 +1,9 @@
 //! The head of a request: what matters of it, and whether what follows can be told apart from the next request.
 
-use heapless::String;
-
 use super::problem::Problem;
 
 /// Longest body, in bytes.
 pub(super) const MAX_BODY: usize = 256;
-/// Longest path; there is none as long as this.
-const MAX_PATH: usize = 64;
 /// Most header fields. Browsers send about 20.
 const MAX_FIELDS: usize = 48;
 
@@ -22,10 +18,10 @@ pub(super) enum Method {
 
 /// What matters of a request's head.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) struct Head {
+pub(super) struct Head<'r> {
     pub method: Method,
-    /// Path without query; none where it is longer than any there is.
-    pub path: Option<String<MAX_PATH>>,
+    /// Path without query.
+    pub path: &'r str,
     /// Bytes of the body that follows, at most [`MAX_BODY`].
     pub body: usize,
     /// The client understands HTTP/1.1, and so chunks.
@@ -40,9 +36,9 @@ pub(super) struct Head {
     pub client: Option<u32>,
 }
 
-impl Head {
+impl<'r> Head<'r> {
     /// The head that `bytes` begin with and its length, or none while it is incomplete.
-    pub(super) fn parse(bytes: &[u8]) -> Result<Option<(Self, usize)>, Problem> {
+    pub(super) fn parse(bytes: &'r [u8]) -> Result<Option<(Self, usize)>, Problem> {
         let mut fields = [httparse::EMPTY_HEADER; MAX_FIELDS];
         let mut request = httparse::Request::new(&mut fields);
         let length = match request.parse(bytes) {
@@ -61,7 +57,7 @@ impl Head {
                 Some("PUT") => Method::Put,
                 _ => Method::Other,
             },
-            path: String::try_from(path(request.path.unwrap_or_default())).ok(),
+            path: path(request.path.unwrap_or_default()),
             body: fields.length.unwrap_or(0),
             chunks: latest,
             keep_alive: latest && !fields.close,

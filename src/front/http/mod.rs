@@ -12,14 +12,14 @@ mod view;
 
 use embassy_time::{Duration, with_timeout};
 use embedded_io_async::{Read, Write};
-use heapless::Vec;
 
 use super::inbox::Inbox;
-use super::{End, Gateway, Guest, idle};
-use api::Call;
-use head::{Head, MAX_BODY, Method};
+use super::{End, Gateway, Guest, idle, send};
+use crate::axis::Commander;
+use api::{Call, Task};
+use head::{Head, Method};
 use problem::Problem;
-use reply::{Manner, Reply};
+use reply::{Manner, Reply, Sheet};
 
 /// A request that has begun must be whole within this time.
 const WHOLE: Duration = Duration::from_secs(5);
@@ -49,11 +49,12 @@ impl<P: Into<Problem>> From<P> for Fault {
 pub(super) async fn serve<R: Read, W: Write>(
     gateway: &Gateway,
     guest: Guest,
-    mut inbox: Inbox<'_, R>,
-    mut writer: W,
+    inbox: &mut Inbox<'_, R>,
+    writer: &mut W,
 ) -> End {
+    let mut sheet = Sheet::new();
     loop {
-        match exchange(gateway, guest, &mut inbox, &mut writer).await {
+        match exchange(gateway, guest, inbox, writer, &mut sheet).await {
             Ok(()) => {}
             Err(end) => return end,
         }
@@ -66,26 +67,26 @@ async fn exchange<R: Read, W: Write>(
     guest: Guest,
     inbox: &mut Inbox<'_, R>,
     writer: &mut W,
+    sheet: &mut Sheet,
 ) -> Result<(), End> {
     await_request(gateway, inbox).await?;
-    let request = with_timeout(WHOLE, read(inbox, writer)).await.unwrap_or(Err(Problem::Timeout.into()));
-    let (head, body) = match request {
+    let taken = with_timeout(WHOLE, take(gateway, guest, inbox, writer)).await;
+    let Request { manner, by, task } = match taken.unwrap_or(Err(Problem::Timeout.into())) {
         Ok(request) => request,
         Err(Fault::End(end)) => return Err(end),
         Err(Fault::Problem(problem)) => {
             // Where the next request begins is unknown.
             let manner = Manner { chunks: true, body: true, keep_alive: false };
-            Reply::new(writer, manner).problem(&problem).await?;
+            Reply::new(writer, sheet, manner).problem(&problem).await?;
             return Err(End::Refused);
         }
     };
-    let manner = Manner {
-        chunks: head.chunks,
-        body: head.method != Method::Head,
-        keep_alive: head.keep_alive && !guest.stop_only,
+    let mut reply = Reply::new(writer, sheet, manner);
+    let answered = match task {
+        Ok(task) => (Call { gateway, by }).answer(task, &mut reply).await,
+        Err(problem) => Err(problem.into()),
     };
-    let mut reply = Reply::new(writer, manner);
-    match (Call { gateway, guest, head: &head, body: &body }).answer(&mut reply).await {
+    match answered {
         Ok(()) => {}
         Err(Fault::End(end)) => return Err(end),
         Err(Fault::Problem(problem)) => reply.problem(&problem).await?,
@@ -103,36 +104,66 @@ async fn await_request<R: Read>(gateway: &Gateway, inbox: &mut Inbox<'_, R>) -> 
     Ok(())
 }
 
-async fn read<R: Read, W: Write>(
+/// A request that has arrived in whole.
+struct Request {
+    manner: Manner,
+    by: Commander,
+    task: Result<Task, Problem>,
+}
+
+/// How far a request has come.
+enum Progress {
+    /// It has so many bytes.
+    Whole(Request, usize),
+    /// Its client waits for leave to send the body.
+    Expecting,
+    /// More is to come.
+    Partial,
+}
+
+/// Takes the next request out of the inbox as soon as it is whole.
+async fn take<R: Read, W: Write>(
+    gateway: &Gateway,
+    guest: Guest,
     inbox: &mut Inbox<'_, R>,
     writer: &mut W,
-) -> Result<(Head, Vec<u8, MAX_BODY>), Fault> {
-    let head = loop {
-        if let Some((head, length)) = Head::parse(inbox.data())? {
-            inbox.consume(length);
-            break head;
+) -> Result<Request, Fault> {
+    let mut encouraged = false;
+    loop {
+        match progress(gateway, guest, inbox.data())? {
+            Progress::Whole(request, length) => {
+                inbox.consume(length);
+                return Ok(request);
+            }
+            Progress::Expecting if !encouraged => {
+                encouraged = true;
+                send(writer, b"HTTP/1.1 100 Continue\r\n\r\n").await?;
+            }
+            Progress::Expecting | Progress::Partial => {}
         }
         if inbox.full() {
             return Err(Problem::HeadTooLarge.into());
         }
-        more(inbox).await?;
-    };
-    if head.expects_continue && inbox.data().len() < head.body {
-        reply::send(writer, b"HTTP/1.1 100 Continue\r\n\r\n").await?;
-    }
-    let body = loop {
-        if let Some(body) = inbox.data().get(..head.body) {
-            break Vec::from_slice(body).unwrap_or_default();
+        if inbox.ended() {
+            return Err(Problem::Request("the request ends too early").into());
         }
-        more(inbox).await?;
-    };
-    inbox.consume(head.body);
-    Ok((head, body))
+        inbox.fill().await?;
+    }
 }
 
-async fn more<R: Read>(inbox: &mut Inbox<'_, R>) -> Result<(), Fault> {
-    if inbox.ended() {
-        return Err(Problem::Request("the request ends too early").into());
-    }
-    Ok(inbox.fill().await?)
+fn progress(gateway: &Gateway, guest: Guest, data: &[u8]) -> Result<Progress, Problem> {
+    let Some((head, length)) = Head::parse(data)? else {
+        return Ok(Progress::Partial);
+    };
+    let whole = length + head.body;
+    let Some(body) = data.get(length..whole) else {
+        return Ok(if head.expects_continue { Progress::Expecting } else { Progress::Partial });
+    };
+    let manner = Manner {
+        chunks: head.chunks,
+        body: head.method != Method::Head,
+        keep_alive: head.keep_alive && !guest.stop_only,
+    };
+    let task = api::understand(gateway, guest, &head, body);
+    Ok(Progress::Whole(Request { manner, by: api::commander(guest, &head), task }, whole))
 }

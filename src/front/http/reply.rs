@@ -2,20 +2,18 @@
 
 use core::fmt::{self, Write as _};
 
-use embassy_time::with_timeout;
 use embedded_io_async::Write;
-use heapless::String;
 use serde::Serialize;
 
-use super::super::{End, SLOW_READER};
+use super::super::{End, send};
 use super::page::{Asset, POLICY};
 use super::problem::Problem;
 use super::status::{self, Status};
 
-/// Room before the body, for the head or the length of a chunk.
-const FRONT: usize = 512;
+/// Room before the body, for the head or the length of a chunk. The longest head is that of the page.
+const FRONT: usize = 448;
 /// Room for the body. The longest piece of a reply must fit: a bus with its statistics.
-pub(super) const BODY: usize = 1536;
+pub(super) const BODY: usize = 1024;
 /// Room after the body, for what ends a chunk and the last one.
 const BACK: usize = 7;
 
@@ -32,22 +30,30 @@ pub(super) struct Manner {
     pub keep_alive: bool,
 }
 
+/// What replies are written on, one after the other.
+pub(super) struct Sheet([u8; FRONT + BODY + BACK]);
+
+impl Sheet {
+    pub(super) const fn new() -> Self {
+        Self([0; FRONT + BODY + BACK])
+    }
+}
+
 /// A reply on its way.
 pub(super) struct Reply<'w, W> {
     writer: &'w mut W,
+    sheet: &'w mut Sheet,
     pub manner: Manner,
     content_type: &'static str,
-    buffer: [u8; FRONT + BODY + BACK],
-    /// Bytes of the body in the buffer.
+    /// Bytes of the body on the sheet.
     filled: usize,
     /// The head is sent, and pieces follow.
     begun: bool,
 }
 
 impl<'w, W: Write> Reply<'w, W> {
-    pub(super) fn new(writer: &'w mut W, manner: Manner) -> Self {
-        let buffer = [0; FRONT + BODY + BACK];
-        Self { writer, manner, content_type: JSON, buffer, filled: 0, begun: false }
+    pub(super) fn new(writer: &'w mut W, sheet: &'w mut Sheet, manner: Manner) -> Self {
+        Self { writer, sheet, manner, content_type: JSON, filled: 0, begun: false }
     }
 
     /// Sends one value.
@@ -70,10 +76,12 @@ impl<'w, W: Write> Reply<'w, W> {
 
     /// Sends a file of the page.
     pub(super) async fn asset(&mut self, asset: &Asset) -> Result<(), End> {
-        let mut head = Head::new(status::OK, asset.content_type, self.manner);
-        head.field("Content-Security-Policy", POLICY);
-        head.field("Content-Length", asset.content.len());
-        send(self.writer, head.end()).await?;
+        self.content_type = asset.content_type;
+        let start = self.head(status::OK, |head| {
+            head.field("Content-Security-Policy", POLICY);
+            head.field("Content-Length", asset.content.len());
+        });
+        self.send(start, 0).await?;
         if self.manner.body { send(self.writer, asset.content).await } else { Ok(()) }
     }
 
@@ -113,7 +121,7 @@ impl<'w, W: Write> Reply<'w, W> {
     }
 
     fn room(&mut self) -> &mut [u8] {
-        self.buffer.get_mut(FRONT + self.filled..FRONT + BODY).unwrap_or_default()
+        self.sheet.0.get_mut(FRONT + self.filled..FRONT + BODY).unwrap_or_default()
     }
 
     /// Sends what is left.
@@ -122,99 +130,112 @@ impl<'w, W: Write> Reply<'w, W> {
     }
 
     async fn whole(&mut self, status: Status, allow: Option<&'static str>) -> Result<(), End> {
-        let mut head = Head::new(status, self.content_type, self.manner);
-        if let Some(methods) = allow {
-            head.field("Allow", methods);
-        }
-        head.field("Content-Length", self.filled);
-        let length = if self.manner.body { self.filled } else { 0 };
-        self.send(head.end(), length).await
+        let filled = self.filled;
+        let start = self.head(status, |head| {
+            if let Some(methods) = allow {
+                head.field("Allow", methods);
+            }
+            head.field("Content-Length", filled);
+        });
+        self.send(start, if self.manner.body { filled } else { 0 }).await
     }
 
     async fn piece(&mut self, last: bool) -> Result<(), End> {
-        let mut front = String::<FRONT>::new();
+        let mut length = self.filled;
+        let mut start = FRONT;
+        if !self.manner.body {
+            length = 0;
+        } else if self.manner.chunks {
+            start = self.chunk_front();
+            length += self.chunk_back(last);
+        }
         if !self.begun {
             if !self.manner.chunks {
                 self.manner.keep_alive = false;
             }
-            let mut head = Head::new(status::OK, self.content_type, self.manner);
-            if self.manner.chunks {
-                head.field("Transfer-Encoding", "chunked");
-            }
-            front = head.0;
-            let _ = front.push_str("\r\n");
+            let chunks = self.manner.chunks;
+            start = self.head_before(start, status::OK, |head| {
+                if chunks {
+                    head.field("Transfer-Encoding", "chunked");
+                }
+            });
             self.begun = true;
         }
-        let mut length = 0;
-        if self.manner.body {
-            length = self.filled;
-            if self.manner.chunks {
-                length += self.frame(&mut front, last);
-            }
-        }
         self.filled = 0;
-        self.send(front.as_bytes(), length).await
+        self.send(start, length).await
     }
 
-    /// Makes the body in the buffer a chunk; how many bytes that adds behind it.
-    fn frame(&mut self, front: &mut String<FRONT>, last: bool) -> usize {
-        let mut back: &[u8] = if last { b"\r\n0\r\n\r\n" } else { b"\r\n" };
-        if self.filled > 0 {
-            // The room for it is part of FRONT, see the tests.
-            let _ = write!(front, "{:X}\r\n", self.filled);
-        } else {
-            back = back.get(2..).unwrap_or_default();
+    /// Writes the length of the body as a chunk before it; where that begins. An empty chunk would end the reply.
+    fn chunk_front(&mut self) -> usize {
+        if self.filled == 0 {
+            return FRONT;
         }
+        let filled = self.filled;
+        self.before(FRONT, |front| write!(front, "{filled:X}\r\n"))
+    }
+
+    /// Writes what ends the chunk behind it; how many bytes that are.
+    fn chunk_back(&mut self, last: bool) -> usize {
+        let back: &[u8] = match (self.filled > 0, last) {
+            (true, true) => b"\r\n0\r\n\r\n",
+            (true, false) => b"\r\n",
+            (false, true) => b"0\r\n\r\n",
+            (false, false) => b"",
+        };
         let end = FRONT + self.filled;
-        if let Some(place) = self.buffer.get_mut(end..end + back.len()) {
+        if let Some(place) = self.sheet.0.get_mut(end..end + back.len()) {
             place.copy_from_slice(back);
         }
         back.len()
     }
 
-    /// Sends `front` and the first `length` bytes of the body as one.
-    async fn send(&mut self, front: &[u8], length: usize) -> Result<(), End> {
-        let start = FRONT.saturating_sub(front.len());
-        if let Some(place) = self.buffer.get_mut(start..FRONT) {
-            place.copy_from_slice(front);
-        }
-        send(self.writer, self.buffer.get(start..FRONT + length).unwrap_or_default()).await
+    /// Writes the head before the body; where it begins.
+    fn head(&mut self, status: Status, fields: impl FnOnce(&mut Head<'_, '_>)) -> usize {
+        self.head_before(FRONT, status, fields)
+    }
+
+    fn head_before(
+        &mut self,
+        end: usize,
+        Status(code, reason): Status,
+        fields: impl FnOnce(&mut Head<'_, '_>),
+    ) -> usize {
+        let (content_type, keep_alive) = (self.content_type, self.manner.keep_alive);
+        self.before(end, |cursor| {
+            let mut head = Head(cursor);
+            let _ = write!(head.0, "HTTP/1.1 {code} {reason}\r\n");
+            head.field("Content-Type", content_type);
+            head.field("Cache-Control", "no-store");
+            head.field("X-Content-Type-Options", "nosniff");
+            if !keep_alive {
+                head.field("Connection", "close");
+            }
+            fields(&mut head);
+            write!(head.0, "\r\n")
+        })
+    }
+
+    /// Writes text so that it ends at `end`; where it begins. All that is written before the body fits, see the tests.
+    fn before(&mut self, end: usize, write: impl FnOnce(&mut Cursor<'_>) -> fmt::Result) -> usize {
+        let mut cursor = Cursor { room: self.sheet.0.get_mut(..end).unwrap_or_default(), filled: 0 };
+        let _ = write(&mut cursor);
+        let length = cursor.filled;
+        self.sheet.0.copy_within(..length, end - length);
+        end - length
+    }
+
+    /// Sends what stands before the body from `start` on, and the first `length` bytes of the body.
+    async fn send(&mut self, start: usize, length: usize) -> Result<(), End> {
+        send(self.writer, self.sheet.0.get(start..FRONT + length).unwrap_or_default()).await
     }
 }
 
-/// Hands all of it to the network, but does not wait until the client has acknowledged it.
-pub(super) async fn send<W: Write>(writer: &mut W, bytes: &[u8]) -> Result<(), End> {
-    match with_timeout(SLOW_READER, writer.write_all(bytes)).await {
-        Ok(Ok(())) => Ok(()),
-        Ok(Err(_)) => Err(End::Broken),
-        Err(_) => Err(End::Slow),
-    }
-}
+/// The head of a reply.
+struct Head<'c, 'a>(&'c mut Cursor<'a>);
 
-/// The head of a reply. All that is written into it fits, see the tests.
-struct Head(String<FRONT>);
-
-impl Head {
-    fn new(status: Status, content_type: &str, manner: Manner) -> Self {
-        let mut head = Self(String::new());
-        let Status(code, reason) = status;
-        let _ = write!(head.0, "HTTP/1.1 {code} {reason}\r\n");
-        head.field("Content-Type", content_type);
-        head.field("Cache-Control", "no-store");
-        head.field("X-Content-Type-Options", "nosniff");
-        if !manner.keep_alive {
-            head.field("Connection", "close");
-        }
-        head
-    }
-
+impl Head<'_, '_> {
     fn field(&mut self, name: &str, value: impl fmt::Display) {
         let _ = write!(self.0, "{name}: {value}\r\n");
-    }
-
-    fn end(&mut self) -> &[u8] {
-        let _ = self.0.push_str("\r\n");
-        self.0.as_bytes()
     }
 }
 

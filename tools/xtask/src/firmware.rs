@@ -9,6 +9,9 @@ use crate::board::{self, Board};
 use crate::command::{Options, run as run_command, target_dir};
 use crate::cross::{Cross, TARGET};
 
+/// The profile of what is flashed.
+const PROFILE: &str = "firmware";
+
 pub fn run(arguments: &[String]) -> Outcome {
     let mut options = Options::new(arguments);
     let boards = board::named(options.value("--board")?.unwrap_or("all"))?;
@@ -22,12 +25,12 @@ pub fn run(arguments: &[String]) -> Outcome {
 
 /// Builds the gateway for a board, and returns its image: an ELF file.
 pub fn build(cross: &Cross, board: &Board) -> Result<PathBuf, String> {
-    run_command(of_board(cross.cargo("build"), board).args(["--release", "--quiet"]))?;
+    run_command(of_board(cross.cargo("build"), board).args(["--profile", PROFILE, "--quiet"]))?;
     // Every board's image comes out under the same name.
     let target = target_dir()?;
     let folder = target.join("firmware");
     let image = folder.join(format!("puente-{}.elf", board.name));
-    let built = target.join(TARGET).join("release").join("gateway");
+    let built = target.join(TARGET).join(PROFILE).join("gateway");
     fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     fs::copy(&built, &image).map_err(|error| format!("{}: {error}", built.display()))?;
     Ok(image)

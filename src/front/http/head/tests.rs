@@ -3,7 +3,7 @@ use std::vec::Vec;
 
 use super::*;
 
-fn head(text: &str) -> Head {
+fn head(text: &str) -> Head<'_> {
     let (head, length) = Head::parse(text.as_bytes()).expect("valid").expect("whole");
     assert_eq!(length, text.len());
     head
@@ -19,7 +19,7 @@ fn what_matters_is_read() {
         "POST /api/axes/x/jog?a=b HTTP/1.1\r\nhost: gw\r\nContent-Length:  11 \r\nX-Client: abc\r\nExpect: 100-Continue\r\n\r\n",
     );
     assert_eq!(jog.method, Method::Post);
-    assert_eq!(jog.path.as_deref(), Some("/api/axes/x/jog"));
+    assert_eq!(jog.path, "/api/axes/x/jog");
     assert_eq!((jog.body, jog.chunks, jog.keep_alive, jog.expects_continue), (11, true, true, true));
     assert_eq!((jog.foreign, jog.client), (false, Some(hash(b"abc"))));
 
@@ -40,8 +40,6 @@ fn targets() {
     ] {
         assert_eq!(path(target), expected, "{target}");
     }
-    let long = format!("GET /{} HTTP/1.1\r\n\r\n", "a".repeat(200));
-    assert_eq!(head(&long).path, None);
 }
 
 #[test]

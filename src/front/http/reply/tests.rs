@@ -32,7 +32,8 @@ const LATEST: Manner = Manner { chunks: true, body: true, keep_alive: true };
 /// What a client gets that asks in this manner: head, body.
 fn got(manner: Manner, reply: impl AsyncFnOnce(&mut Reply<'_, Client>)) -> (StdString, StdString) {
     let mut client = Client::default();
-    block_on(async { reply(&mut Reply::new(&mut client, manner)).await });
+    let mut sheet = Sheet::new();
+    block_on(async { reply(&mut Reply::new(&mut client, &mut sheet, manner)).await });
     let text = StdString::from_utf8(client.0).expect("text");
     let (head, body) = text.split_once("\r\n\r\n").expect("a head");
     (head.into(), body.into())
@@ -106,7 +107,8 @@ fn a_chunk_may_end_with_the_reply() {
 #[test]
 fn what_is_longer_than_the_buffer_ends_the_visit() {
     let mut client = Client::default();
-    let mut reply = Reply::new(&mut client, LATEST);
+    let mut sheet = Sheet::new();
+    let mut reply = Reply::new(&mut client, &mut sheet, LATEST);
     let long = "a".repeat(BODY + 1);
     assert_eq!(block_on(reply.put(format_args!("{long}"))), Err(End::Broken));
 }
