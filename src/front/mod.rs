@@ -172,7 +172,7 @@ async fn attend<S: Socket>(gateway: &'static Gateway, guest: Guest, socket: &mut
     match dialect {
         Ok(Dialect::ModbusTcp) => modbus_tcp::serve(gateway, guest, &mut inbox, &mut writer).await,
         Ok(Dialect::Lines) => lines::serve(gateway, guest, &mut inbox, &mut writer).await,
-        Ok(Dialect::Http) => http::serve(gateway, guest, inbox, writer).await,
+        Ok(Dialect::Http) => http::serve(gateway, guest, &mut inbox, &mut writer).await,
         Ok(Dialect::Unknown) => {
             let text = b"error unknown-dialect expected HTTP, Modbus/TCP, a Modbus ASCII frame or a command; try 'help'\r\n";
             match send(&mut writer, text).await {

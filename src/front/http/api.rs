@@ -4,15 +4,15 @@ use embedded_io_async::Write;
 use heapless::Vec;
 use puente_drives::edb::Parameter;
 use puente_line::Duration;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use super::super::{Gateway, Guest};
 use super::head::{Head, Method, hash};
 use super::problem::{HOLD_MS, Problem};
-use super::reply::Reply;
+use super::reply::{Reply, json};
 use super::resource::{Command, Resource};
 use super::{Fault, metrics, view};
-use crate::axis::{AxisError, Commander};
+use crate::axis::{Axis, AxisError, Commander};
 use crate::clock;
 use crate::desk::Holder;
 use crate::port::limits::AXES;
@@ -50,8 +50,8 @@ impl Call<'_> {
             Resource::Axes => self.axes(reply).await?,
             Resource::Axis(name) => {
                 let id = self.gateway.axes.find(name)?;
-                let error = self.read(id).await;
-                self.axis(id, error, reply).await?;
+                let (error, axis) = (self.read(id).await, self.gateway.axes.get(id)?);
+                reply.append(|room| json(room, &self.axis(id, axis, error))).await?;
                 reply.finish().await?;
             }
             Resource::Command(name, command) => {
@@ -102,11 +102,11 @@ impl Call<'_> {
             let _ = errors.push(self.read(id).await);
         }
         reply.put(format_args!("[")).await?;
-        for ((id, _), error) in self.gateway.axes.iter().zip(errors) {
+        for ((id, axis), error) in self.gateway.axes.iter().zip(errors) {
             if id > 0 {
                 reply.put(format_args!(",")).await?;
             }
-            self.axis(id, error, reply).await?;
+            reply.append(|room| json(room, &self.axis(id, axis, error))).await?;
         }
         reply.put(format_args!("]")).await?;
         Ok(reply.finish().await?)
@@ -117,31 +117,23 @@ impl Call<'_> {
         self.gateway.axes.status(id, self.commander(), FRESH).await.err()
     }
 
-    async fn axis<W: Write>(
-        &self,
-        id: u8,
-        error: Option<AxisError>,
-        reply: &mut Reply<'_, W>,
-    ) -> Result<(), Fault> {
-        let axes = &self.gateway.axes;
-        let axis = axes.get(id)?;
-        let found = view::Findings {
+    fn axis<'a>(&'a self, id: u8, axis: &'a Axis, error: Option<AxisError>) -> view::Axis<'a> {
+        view::Axis::new(&view::Findings {
             now: clock::now(),
             spec: &axis.spec,
             drive: self.gateway.settings.axes.get(usize::from(id)).map_or("", |axis| axis.drive.name()),
             known: axis.known(),
-            lease: axes.leased(id),
-            event: axes.event(id),
+            lease: self.gateway.axes.leased(id),
+            event: self.gateway.axes.event(id),
             error,
-        };
-        Ok(reply.json(&view::Axis::new(&found)).await?)
+        })
     }
 
     async fn command(&self, id: u8, command: Command) -> Result<(), Problem> {
         let (axes, by) = (&self.gateway.axes, self.commander());
         match command {
             Command::Jog => {
-                let JogBody { rpm, hold_ms } = json(self.body, "{\"rpm\": 100, \"hold_ms\": 500}")?;
+                let JogBody { rpm, hold_ms } = parse(self.body, "{\"rpm\": 100, \"hold_ms\": 500}")?;
                 axes.jog(id, by, rpm, hold(hold_ms)?).await?;
             }
             Command::Stop => axes.stop(id, by).await?,
@@ -157,7 +149,7 @@ impl Call<'_> {
         if self.head.method != Method::Put {
             return Ok(axes.parameter(id, by, parameter).await?);
         }
-        let ParameterBody { value } = json(self.body, "{\"value\": 100}")?;
+        let ParameterBody { value } = parse(self.body, "{\"value\": 100}")?;
         let max = i32::from(u16::MAX);
         let word = u16::try_from(value).map_err(|_| AxisError::Range { value, min: 0, max })?;
         axes.set_parameter(id, by, parameter, word).await?;
@@ -170,15 +162,23 @@ impl Call<'_> {
             if index > 0 {
                 reply.put(format_args!(",")).await?;
             }
-            let statistics = self.gateway.desk.statistics(index).unwrap_or_default();
-            reply.json(&view::Bus::new(bus, &statistics)).await?;
+            reply.append(|room| open(room, &view::Bus::new(bus))).await?;
+            reply.put(format_args!(",\"statistics\":")).await?;
+            let statistics = || self.gateway.desk.statistics(index).unwrap_or_default();
+            reply.append(|room| json(room, &view::Counted::new(&statistics()))).await?;
+            reply.put(format_args!("}}")).await?;
         }
         reply.put(format_args!("]")).await?;
         Ok(reply.finish().await?)
     }
 }
 
-fn json<'a, T: Deserialize<'a>>(body: &'a [u8], expected: &'static str) -> Result<T, Problem> {
+/// Writes an object whose end is left open, so that more members may follow.
+fn open(room: &mut [u8], object: &impl Serialize) -> Option<usize> {
+    json(room, object)?.checked_sub("}".len())
+}
+
+fn parse<'a, T: Deserialize<'a>>(body: &'a [u8], expected: &'static str) -> Result<T, Problem> {
     let (value, used) = serde_json_core::from_slice(body).map_err(|_| Problem::Json(expected))?;
     let rest = body.get(used..).unwrap_or_default();
     if rest.trim_ascii().is_empty() { Ok(value) } else { Err(Problem::Json(expected)) }
@@ -197,7 +197,7 @@ mod tests {
     use super::*;
 
     fn jog(body: &str) -> Result<(i32, Option<u32>), Problem> {
-        json::<JogBody>(body.as_bytes(), "").map(|JogBody { rpm, hold_ms }| (rpm, hold_ms))
+        parse::<JogBody>(body.as_bytes(), "").map(|JogBody { rpm, hold_ms }| (rpm, hold_ms))
     }
 
     #[test]
@@ -242,8 +242,8 @@ mod tests {
     proptest::proptest! {
         #[test]
         fn any_body_is_read_without_panic(body in proptest::collection::vec(0..=255_u8, 0..64)) {
-            let _ = json::<JogBody>(&body, "");
-            let _ = json::<ParameterBody>(&body, "");
+            let _ = parse::<JogBody>(&body, "");
+            let _ = parse::<ParameterBody>(&body, "");
         }
 
         #[test]

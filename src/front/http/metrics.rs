@@ -12,7 +12,7 @@ use crate::axis::Axis;
 use crate::clock;
 use crate::desk::{BUCKETS_MS, Statistics};
 
-const CONTENT_TYPE: &str = "text/plain; version=0.0.4; charset=utf-8";
+pub(super) const CONTENT_TYPE: &str = "text/plain; version=0.0.4; charset=utf-8";
 
 type Count<T> = (&'static str, fn(&T) -> u32);
 

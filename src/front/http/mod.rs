@@ -12,12 +12,11 @@ mod view;
 
 use embassy_time::{Duration, with_timeout};
 use embedded_io_async::{Read, Write};
-use heapless::Vec;
 
 use super::inbox::Inbox;
 use super::{End, Gateway, Guest, idle};
 use api::Call;
-use head::{Head, MAX_BODY, Method};
+use head::{Head, Method};
 use problem::Problem;
 use reply::{Manner, Reply};
 
@@ -49,13 +48,12 @@ impl<P: Into<Problem>> From<P> for Fault {
 pub(super) async fn serve<R: Read, W: Write>(
     gateway: &Gateway,
     guest: Guest,
-    mut inbox: Inbox<'_, R>,
-    mut writer: W,
+    inbox: &mut Inbox<'_, R>,
+    writer: &mut W,
 ) -> End {
     loop {
-        match exchange(gateway, guest, &mut inbox, &mut writer).await {
-            Ok(()) => {}
-            Err(end) => return end,
+        if let Err(end) = exchange(gateway, guest, inbox, writer).await {
+            return end;
         }
     }
 }
@@ -68,9 +66,8 @@ async fn exchange<R: Read, W: Write>(
     writer: &mut W,
 ) -> Result<(), End> {
     await_request(gateway, inbox).await?;
-    let request = with_timeout(WHOLE, read(inbox, writer)).await.unwrap_or(Err(Problem::Timeout.into()));
-    let (head, body) = match request {
-        Ok(request) => request,
+    let head = match with_timeout(WHOLE, read(inbox, writer)).await.unwrap_or(Err(Problem::Timeout.into())) {
+        Ok(head) => head,
         Err(Fault::End(end)) => return Err(end),
         Err(Fault::Problem(problem)) => {
             // Where the next request begins is unknown.
@@ -85,11 +82,13 @@ async fn exchange<R: Read, W: Write>(
         keep_alive: head.keep_alive && !guest.stop_only,
     };
     let mut reply = Reply::new(writer, manner);
-    match (Call { gateway, guest, head: &head, body: &body }).answer(&mut reply).await {
+    let body = inbox.data().get(..head.body).unwrap_or_default();
+    match (Call { gateway, guest, head: &head, body }).answer(&mut reply).await {
         Ok(()) => {}
         Err(Fault::End(end)) => return Err(end),
         Err(Fault::Problem(problem)) => reply.problem(&problem).await?,
     }
+    inbox.consume(head.body);
     if reply.manner.keep_alive { Ok(()) } else { Err(End::Closed) }
 }
 
@@ -103,10 +102,8 @@ async fn await_request<R: Read>(gateway: &Gateway, inbox: &mut Inbox<'_, R>) -> 
     Ok(())
 }
 
-async fn read<R: Read, W: Write>(
-    inbox: &mut Inbox<'_, R>,
-    writer: &mut W,
-) -> Result<(Head, Vec<u8, MAX_BODY>), Fault> {
+/// Reads the head, and waits until all of the body is in the inbox.
+async fn read<R: Read, W: Write>(inbox: &mut Inbox<'_, R>, writer: &mut W) -> Result<Head, Fault> {
     let head = loop {
         if let Some((head, length)) = Head::parse(inbox.data())? {
             inbox.consume(length);
@@ -120,14 +117,10 @@ async fn read<R: Read, W: Write>(
     if head.expects_continue && inbox.data().len() < head.body {
         reply::send(writer, b"HTTP/1.1 100 Continue\r\n\r\n").await?;
     }
-    let body = loop {
-        if let Some(body) = inbox.data().get(..head.body) {
-            break Vec::from_slice(body).unwrap_or_default();
-        }
+    while inbox.data().len() < head.body {
         more(inbox).await?;
-    };
-    inbox.consume(head.body);
-    Ok((head, body))
+    }
+    Ok(head)
 }
 
 async fn more<R: Read>(inbox: &mut Inbox<'_, R>) -> Result<(), Fault> {

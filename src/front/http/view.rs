@@ -187,7 +187,7 @@ impl<'a> ParameterValue<'a> {
     }
 }
 
-/// A bus, under the names that the settings have, and what was counted on it.
+/// A bus, under the names that the settings have. What was counted on it follows as `statistics`.
 #[derive(Serialize)]
 pub(super) struct Bus<'a> {
     name: &'a str,
@@ -202,11 +202,11 @@ pub(super) struct Bus<'a> {
     quarantine_ms: u32,
     queue_timeout_ms: u32,
     echo: settings::Echo,
-    statistics: Counted,
 }
 
+/// What was counted on a bus.
 #[derive(Serialize)]
-struct Counted {
+pub(super) struct Counted {
     submitted: u32,
     confirmed: u32,
     exceptions: u32,
@@ -241,7 +241,7 @@ struct Line {
 }
 
 impl<'a> Bus<'a> {
-    pub(super) fn new(bus: &'a settings::Bus, statistics: &Statistics) -> Self {
+    pub(super) fn new(bus: &'a settings::Bus) -> Self {
         Self {
             name: &bus.name,
             protocol: bus.protocol.name(),
@@ -255,13 +255,12 @@ impl<'a> Bus<'a> {
             quarantine_ms: bus.quarantine_ms.unwrap_or(bus.reply_timeout_ms),
             queue_timeout_ms: bus.queue_timeout_ms,
             echo: bus.echo,
-            statistics: Counted::new(statistics),
         }
     }
 }
 
 impl Counted {
-    fn new(statistics: &Statistics) -> Self {
+    pub(super) fn new(statistics: &Statistics) -> Self {
         Self {
             submitted: statistics.submitted,
             confirmed: statistics.confirmed,

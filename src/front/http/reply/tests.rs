@@ -97,7 +97,8 @@ fn what_does_not_fit_is_sent_in_chunks() {
 fn a_chunk_may_end_with_the_reply() {
     let (_, body) = got(LATEST, async |reply| {
         reply.put(format_args!("{}", "a".repeat(BODY))).await.expect("sent");
-        reply.piece(false).await.expect("sent");
+        let piece = reply.piece(false);
+        reply.send(piece).await.expect("sent");
         reply.finish().await.expect("sent");
     });
     assert_eq!(unchunk(&body), "a".repeat(BODY));
@@ -137,5 +138,24 @@ fn files_come_with_a_policy() {
     assert!(head.contains("Content-Security-Policy: default-src 'none'"), "{head}");
     assert!(head.contains("Content-Type: text/html"), "{head}");
     assert!(head.ends_with(&format!("Content-Length: {}", body.len())), "{head}");
-    assert!(head.len() + 4 <= FRONT);
+}
+
+/// As long as can be: the longest of each field, those that exclude each other among them.
+#[test]
+fn every_head_fits() {
+    for (Status(code, reason), content_type) in [
+        (status::HEADERS_TOO_LARGE, JSON),
+        (status::METHOD_NOT_ALLOWED, JSON),
+        (status::OK, super::super::metrics::CONTENT_TYPE),
+    ] {
+        let mut room = [0; FRONT];
+        let manner = Manner { keep_alive: false, ..LATEST };
+        let mut head = Head::new(&mut room, Status(code, reason), content_type, manner);
+        if code != 200 {
+            head.field("Allow", "GET, HEAD, PUT");
+        }
+        head.field("Transfer-Encoding", "chunked");
+        let length = head.end().expect("it fits");
+        assert!(length + "400\r\n".len() <= FRONT, "{length}");
+    }
 }
