@@ -43,7 +43,7 @@ async function sendStop(axis) {
     try {
       return await command(axis, "stop");
     } catch (error) {
-      if (attempt === 3) throw new Error(`${axis.name}: stop not confirmed: ${error.message}`);
+      if (attempt === 3) throw new Error(`stop not confirmed: ${error.message}`);
       await pause(150);
     }
   }
@@ -58,8 +58,9 @@ async function stopAll() {
   const button = $("stop-all");
   button.classList.add("busy");
   polling.abort(); // frees its connection
-  const ends = await Promise.allSettled([...axes.values()].map(stop));
-  const errors = ends.filter((end) => end.status === "rejected").map((end) => end.reason.message);
+  const errors = [];
+  const end = (axis) => stop(axis).catch((error) => errors.push(`${axis.name}: ${error.message}`));
+  await Promise.all([...axes.values()].map(end));
   if (axes.size === 0) errors.push("no axis is known yet, nothing was stopped");
   banner("failed", errors.join(" · "));
   button.classList.remove("busy");
