@@ -39,18 +39,20 @@ pub struct Gateway {
     pub axes: Axes,
     /// When the gateway started.
     pub started: Instant,
+    sheets: http::Sheets,
     clients: AtomicUsize,
     connections: AtomicU32,
 }
 
 impl Gateway {
-    /// A gateway with these settings, and with the axes that they name.
+    /// A gateway with these settings, and with the axes that they name. Call it once.
     pub fn new(settings: Settings, desk: &'static Desk, axes: Axes) -> Self {
         Self {
             settings,
             desk,
             axes,
             started: clock::now(),
+            sheets: http::Sheets::new(),
             clients: AtomicUsize::new(0),
             connections: AtomicU32::new(0),
         }

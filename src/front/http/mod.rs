@@ -19,7 +19,8 @@ use crate::axis::Commander;
 use api::{Call, Task};
 use head::{Head, Method};
 use problem::Problem;
-use reply::{Manner, Reply, Sheet};
+pub use reply::Sheets;
+use reply::{Manner, Reply};
 
 /// A request that has begun must be whole within this time.
 const WHOLE: Duration = Duration::from_secs(5);
@@ -52,9 +53,8 @@ pub(super) async fn serve<R: Read, W: Write>(
     inbox: &mut Inbox<'_, R>,
     writer: &mut W,
 ) -> End {
-    let mut sheet = Sheet::new();
     loop {
-        match exchange(gateway, guest, inbox, writer, &mut sheet).await {
+        match exchange(gateway, guest, inbox, writer).await {
             Ok(()) => {}
             Err(end) => return end,
         }
@@ -67,7 +67,6 @@ async fn exchange<R: Read, W: Write>(
     guest: Guest,
     inbox: &mut Inbox<'_, R>,
     writer: &mut W,
-    sheet: &mut Sheet,
 ) -> Result<(), End> {
     await_request(gateway, inbox).await?;
     let taken = with_timeout(WHOLE, take(gateway, guest, inbox, writer)).await;
@@ -77,11 +76,11 @@ async fn exchange<R: Read, W: Write>(
         Err(Fault::Problem(problem)) => {
             // Where the next request begins is unknown.
             let manner = Manner { chunks: true, body: true, keep_alive: false };
-            Reply::new(writer, sheet, manner).problem(&problem).await?;
+            Reply::new(writer, &gateway.sheets, manner).problem(&problem).await?;
             return Err(End::Refused);
         }
     };
-    let mut reply = Reply::new(writer, sheet, manner);
+    let mut reply = Reply::new(writer, &gateway.sheets, manner);
     let answered = match task {
         Ok(task) => (Call { gateway, by }).answer(task, &mut reply).await,
         Err(problem) => Err(problem.into()),

@@ -2,18 +2,22 @@
 
 use core::fmt::{self, Write as _};
 
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::channel::Channel;
 use embedded_io_async::Write;
 use serde::Serialize;
+use static_cell::ConstStaticCell;
 
 use super::super::{End, send};
 use super::page::{Asset, POLICY};
 use super::problem::Problem;
 use super::status::{self, Status};
+use crate::port::limits::SHEETS;
 
 /// Room before the body, for the head or the length of a chunk. The longest head is that of the page.
-const FRONT: usize = 448;
+const FRONT: usize = 512;
 /// Room for the body. The longest piece of a reply must fit: a bus with its statistics.
-pub(super) const BODY: usize = 1024;
+pub(super) const BODY: usize = 1536;
 /// Room after the body, for what ends a chunk and the last one.
 const BACK: usize = 7;
 
@@ -30,19 +34,51 @@ pub(super) struct Manner {
     pub keep_alive: bool,
 }
 
-/// What replies are written on, one after the other.
-pub(super) struct Sheet([u8; FRONT + BODY + BACK]);
+/// What a reply is written on.
+pub struct Sheet([u8; FRONT + BODY + BACK]);
 
-impl Sheet {
-    pub(super) const fn new() -> Self {
-        Self([0; FRONT + BODY + BACK])
+/// The sheets of the gateway, fewer than clients: a reply needs one only while it is written and sent. What a request
+/// asks for has been done before, so that a stop never waits for a sheet.
+pub struct Sheets(Channel<CriticalSectionRawMutex, &'static mut Sheet, SHEETS>);
+
+impl Sheets {
+    /// All of them. Call it once.
+    pub fn new() -> Self {
+        static ALL: ConstStaticCell<[Sheet; SHEETS]> =
+            ConstStaticCell::new([const { Sheet([0; FRONT + BODY + BACK]) }; SHEETS]);
+        let sheets = Channel::new();
+        for sheet in ALL.take() {
+            // There is room for all.
+            let _ = sheets.try_send(sheet);
+        }
+        Self(sheets)
+    }
+
+    async fn lend(&self) -> Lent<'_> {
+        Lent { from: self, sheet: Some(self.0.receive().await) }
+    }
+}
+
+/// A sheet that goes back when it is dropped.
+struct Lent<'s> {
+    from: &'s Sheets,
+    sheet: Option<&'static mut Sheet>,
+}
+
+impl Drop for Lent<'_> {
+    fn drop(&mut self) {
+        if let Some(sheet) = self.sheet.take() {
+            let _ = self.from.0.try_send(sheet);
+        }
     }
 }
 
 /// A reply on its way.
 pub(super) struct Reply<'w, W> {
     writer: &'w mut W,
-    sheet: &'w mut Sheet,
+    sheets: &'w Sheets,
+    /// None until something is written.
+    sheet: Option<Lent<'w>>,
     pub manner: Manner,
     content_type: &'static str,
     /// Bytes of the body on the sheet.
@@ -52,8 +88,20 @@ pub(super) struct Reply<'w, W> {
 }
 
 impl<'w, W: Write> Reply<'w, W> {
-    pub(super) fn new(writer: &'w mut W, sheet: &'w mut Sheet, manner: Manner) -> Self {
-        Self { writer, sheet, manner, content_type: JSON, filled: 0, begun: false }
+    pub(super) fn new(writer: &'w mut W, sheets: &'w Sheets, manner: Manner) -> Self {
+        Self { writer, sheets, sheet: None, manner, content_type: JSON, filled: 0, begun: false }
+    }
+
+    /// Waits for a sheet to write on.
+    async fn start(&mut self) {
+        if self.sheet.is_none() {
+            self.sheet = Some(self.sheets.lend().await);
+        }
+    }
+
+    fn bytes(&mut self) -> &mut [u8] {
+        let sheet = self.sheet.as_mut().and_then(|lent| lent.sheet.as_mut());
+        sheet.map_or(&mut [], |sheet| &mut sheet.0)
     }
 
     /// Sends one value.
@@ -77,6 +125,7 @@ impl<'w, W: Write> Reply<'w, W> {
     /// Sends a file of the page.
     pub(super) async fn asset(&mut self, asset: &Asset) -> Result<(), End> {
         self.content_type = asset.content_type;
+        self.start().await;
         let start = self.head(status::OK, |head| {
             head.field("Content-Security-Policy", POLICY);
             head.field("Content-Length", asset.content.len());
@@ -107,6 +156,7 @@ impl<'w, W: Write> Reply<'w, W> {
 
     /// Appends what `fill` writes; it says none where the room does not do.
     async fn append(&mut self, fill: impl Fn(&mut [u8]) -> Option<usize>) -> Result<(), End> {
+        self.start().await;
         if let Some(count) = fill(self.room()) {
             self.filled += count;
             return Ok(());
@@ -121,7 +171,8 @@ impl<'w, W: Write> Reply<'w, W> {
     }
 
     fn room(&mut self) -> &mut [u8] {
-        self.sheet.0.get_mut(FRONT + self.filled..FRONT + BODY).unwrap_or_default()
+        let from = FRONT + self.filled;
+        self.bytes().get_mut(from..FRONT + BODY).unwrap_or_default()
     }
 
     /// Sends what is left.
@@ -183,7 +234,7 @@ impl<'w, W: Write> Reply<'w, W> {
             (false, false) => b"",
         };
         let end = FRONT + self.filled;
-        if let Some(place) = self.sheet.0.get_mut(end..end + back.len()) {
+        if let Some(place) = self.bytes().get_mut(end..end + back.len()) {
             place.copy_from_slice(back);
         }
         back.len()
@@ -217,16 +268,19 @@ impl<'w, W: Write> Reply<'w, W> {
 
     /// Writes text so that it ends at `end`; where it begins. All that is written before the body fits, see the tests.
     fn before(&mut self, end: usize, write: impl FnOnce(&mut Cursor<'_>) -> fmt::Result) -> usize {
-        let mut cursor = Cursor { room: self.sheet.0.get_mut(..end).unwrap_or_default(), filled: 0 };
+        let mut cursor = Cursor { room: self.bytes().get_mut(..end).unwrap_or_default(), filled: 0 };
         let _ = write(&mut cursor);
         let length = cursor.filled;
-        self.sheet.0.copy_within(..length, end - length);
+        self.bytes().copy_within(..length, end - length);
         end - length
     }
 
     /// Sends what stands before the body from `start` on, and the first `length` bytes of the body.
     async fn send(&mut self, start: usize, length: usize) -> Result<(), End> {
-        send(self.writer, self.sheet.0.get(start..FRONT + length).unwrap_or_default()).await
+        let Some(sheet) = self.sheet.as_ref().and_then(|lent| lent.sheet.as_ref()) else {
+            return Ok(());
+        };
+        send(self.writer, sheet.0.get(start..FRONT + length).unwrap_or_default()).await
     }
 }
 

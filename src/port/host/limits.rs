@@ -16,3 +16,5 @@ pub const BUSES: usize = 8;
 pub const AXES: usize = 32;
 /// Bytes that a client may send ahead: the longest head of an HTTP request.
 pub const INBOX: usize = 8192;
+/// HTTP replies that can be written at once.
+pub const SHEETS: usize = 32;

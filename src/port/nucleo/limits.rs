@@ -17,3 +17,5 @@ pub const BUSES: usize = 2;
 pub const AXES: usize = 8;
 /// Bytes that a client may send ahead: the longest head of an HTTP request.
 pub const INBOX: usize = 1024;
+/// HTTP replies that can be written at once.
+pub const SHEETS: usize = 4;

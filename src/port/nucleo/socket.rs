@@ -19,8 +19,8 @@ const LINGER: Duration = Duration::from_millis(1_000);
 
 /// Window of a client: two Modbus/TCP frames of 260 bytes, or the longest Modbus ASCII frame.
 const RECEIVE: usize = 640;
-/// More than one full segment, so that a client that puts its acknowledgement off does not do so for every segment.
-const SEND: usize = 1536;
+/// Most replies in one; what is longer goes out segment by segment.
+const SEND: usize = 1024;
 
 /// One place for a client.
 pub struct Place {

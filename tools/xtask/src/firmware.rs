@@ -10,7 +10,7 @@ use crate::command::{Options, run as run_command, target_dir};
 use crate::cross::{Cross, TARGET};
 
 /// The profile of what is flashed.
-const PROFILE: &str = "firmware";
+pub const PROFILE: &str = "firmware";
 
 pub fn run(arguments: &[String]) -> Outcome {
     let mut options = Options::new(arguments);

@@ -8,7 +8,7 @@ use crate::Outcome;
 use crate::board::{self, BOARDS, Board};
 use crate::command::{Options, run as run_command, target_dir};
 use crate::cross::{Cross, TARGET};
-use crate::firmware::of_board;
+use crate::firmware::{PROFILE, of_board};
 
 /// The part of the stack that one function may take: callers and interrupts need the rest. This finds what overflows
 /// for certain; it does not prove that the calls together fit.
@@ -54,8 +54,8 @@ fn build(cross: &Cross, board: &Board) -> Result<Vec<u8>, String> {
     let target = target_dir()?.join("stack");
     let mut cargo = of_board(cross.cargo("build"), board);
     cargo.env("RUSTC_BOOTSTRAP", "1").env("RUSTFLAGS", "-Zemit-stack-sizes").env("CARGO_TARGET_DIR", &target);
-    run_command(cargo.args(["--release", "--quiet"]))?;
-    let image = target.join(TARGET).join("release").join("gateway");
+    run_command(cargo.args(["--profile", PROFILE, "--quiet"]))?;
+    let image = target.join(TARGET).join(PROFILE).join("gateway");
     fs::read(&image).map_err(|error| format!("{}: {error}", image.display()))
 }
 

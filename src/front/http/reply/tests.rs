@@ -27,13 +27,17 @@ impl Write for Client {
     }
 }
 
+fn sheets() -> &'static Sheets {
+    static SHEETS: std::sync::OnceLock<Sheets> = std::sync::OnceLock::new();
+    SHEETS.get_or_init(Sheets::new)
+}
+
 const LATEST: Manner = Manner { chunks: true, body: true, keep_alive: true };
 
 /// What a client gets that asks in this manner: head, body.
 fn got(manner: Manner, reply: impl AsyncFnOnce(&mut Reply<'_, Client>)) -> (StdString, StdString) {
     let mut client = Client::default();
-    let mut sheet = Sheet::new();
-    block_on(async { reply(&mut Reply::new(&mut client, &mut sheet, manner)).await });
+    block_on(async { reply(&mut Reply::new(&mut client, sheets(), manner)).await });
     let text = StdString::from_utf8(client.0).expect("text");
     let (head, body) = text.split_once("\r\n\r\n").expect("a head");
     (head.into(), body.into())
@@ -107,8 +111,7 @@ fn a_chunk_may_end_with_the_reply() {
 #[test]
 fn what_is_longer_than_the_buffer_ends_the_visit() {
     let mut client = Client::default();
-    let mut sheet = Sheet::new();
-    let mut reply = Reply::new(&mut client, &mut sheet, LATEST);
+    let mut reply = Reply::new(&mut client, sheets(), LATEST);
     let long = "a".repeat(BODY + 1);
     assert_eq!(block_on(reply.put(format_args!("{long}"))), Err(End::Broken));
 }
@@ -140,4 +143,19 @@ fn files_come_with_a_policy() {
     assert!(head.contains("Content-Type: text/html"), "{head}");
     assert!(head.ends_with(&format!("Content-Length: {}", body.len())), "{head}");
     assert!(head.len() + 4 <= FRONT);
+}
+
+#[test]
+fn a_sheet_goes_back_when_its_reply_is_dropped() {
+    let all: Vec<_> = (0..SHEETS).map(|_| block_on(sheets().lend())).collect();
+    let mut client = Client::default();
+    {
+        let mut reply = Reply::new(&mut client, sheets(), LATEST);
+        let waits = core::pin::pin!(reply.value(&1))
+            .poll(&mut core::task::Context::from_waker(core::task::Waker::noop()));
+        assert!(waits.is_pending(), "no sheet is left");
+    }
+    drop(all);
+    let mut reply = Reply::new(&mut client, sheets(), LATEST);
+    block_on(reply.value(&1)).expect("sent");
 }
