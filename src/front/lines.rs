@@ -37,8 +37,8 @@ pub(super) async fn serve<R: Read, W: Write>(
     loop {
         reply.clear();
         match take_line(gateway, guest, inbox, &mut skipping, &mut reply) {
-            Some(task) => {
-                if let Err(end) = carry_out(gateway, guest, inbox, task, &mut reply).await {
+            Some(mut task) => {
+                if let Err(end) = carry_out(gateway, guest, inbox, &mut task, &mut reply).await {
                     return end;
                 }
             }
@@ -101,12 +101,12 @@ async fn carry_out<R: Read>(
     gateway: &Gateway,
     guest: Guest,
     inbox: &mut Inbox<'_, R>,
-    task: Task<'_>,
+    task: &mut Task<'_>,
     reply: &mut Reply,
 ) -> Result<(), End> {
     let mut work = pin!(async {
         match task {
-            Task::Console(task) => console::finish(gateway, guest, task, reply).await,
+            Task::Console(task) => console::finish(gateway, guest, *task, reply).await,
             Task::Modbus(task) => modbus_ascii::finish(gateway, task, reply).await,
             Task::Done => {}
         }

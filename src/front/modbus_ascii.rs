@@ -42,17 +42,17 @@ pub(super) fn begin<'g>(
 }
 
 /// Waits for the reply, where one is due: a broadcast has none.
-pub(super) async fn finish(gateway: &Gateway, task: Task<'_>, reply: &mut Reply) {
-    for mut flight in task.flights {
+pub(super) async fn finish(gateway: &Gateway, task: &mut Task<'_>, reply: &mut Reply) {
+    let unit = task.unit;
+    while let Some(flight) = task.flights.last_mut() {
         let broadcast = flight.broadcast;
-        poll_fn(|context| {
-            flight.poll(context, &gateway.axes, |pdu| {
-                if !broadcast {
-                    push(reply, task.unit, pdu);
-                }
-            })
-        })
-        .await;
+        let mut write = |pdu: &[u8]| {
+            if !broadcast {
+                push(reply, unit, pdu);
+            }
+        };
+        poll_fn(|context| flight.poll(context, &gateway.axes, &mut write)).await;
+        task.flights.pop();
     }
 }
 

@@ -20,6 +20,7 @@ axis NAME jog RPM; axis NAME get PnNNN; axis NAME set PnNNN VALUE; bus; bus NAME
 bus NAME scan FIRST-LAST; feed\"";
 
 /// A command that needs the drives.
+#[derive(Clone, Copy)]
 pub(super) enum Task {
     /// To an axis, by its number.
     Axis(u8, AxisCommand),

@@ -6,11 +6,11 @@ pub const CLIENTS: usize = 16;
 pub const CLIENTS_ALLOWED: &str = "1 to 16 is allowed";
 /// Places for clients, on both TCP ports together: some more than clients, for those that come to stop an axis, and
 /// because a place that a client has just left needs a moment before it listens again.
-pub const SLOTS: usize = CLIENTS + 4;
+pub const SLOTS: usize = CLIENTS + 2;
 /// Requests of one client that may be under way at once.
 pub const PIPELINE: usize = 4;
 /// Requests under way at once, of all clients.
-pub const TICKETS: usize = 32;
+pub const TICKETS: usize = 24;
 /// Buses: the lines a and b.
 pub const BUSES: usize = 2;
 /// Axes.
