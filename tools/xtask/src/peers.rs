@@ -19,7 +19,7 @@ pub fn run(arguments: &[String]) -> Outcome {
     let mut peers = Command::new(python);
     peers.current_dir(root()).arg(folder.join("run.py")).args(arguments);
     // Where the programs to test are.
-    peers.env("PUENTE_BIN", target.join("debug"));
+    peers.env("PUENTE_BIN", target.join("debug")).env("PYTHONDONTWRITEBYTECODE", "1");
     run_command(&mut peers)
 }
 

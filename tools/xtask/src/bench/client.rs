@@ -84,14 +84,15 @@ fn exchange(stream: &mut TcpStream, transaction: u16, pdu: &[u8]) -> std::io::Re
     Ok(reply)
 }
 
-/// Reads `quantity` registers over and over from the line itself: what the line allows without a gateway. It keeps
-/// t3.5 by watching the clock, so that no timer delays it.
+/// Reads `quantity` registers over and over at the line itself: what the line allows a program that does nothing else.
 pub fn at_line(path: &Path, line: Settings, quantity: u16, time: Duration) -> Result<(), String> {
     let failed = |error| format!("{}: {error}", path.display());
     let mut terminal = OpenOptions::new().read(true).write(true).open(path).map_err(failed)?;
     let pdu = request(quantity).emit();
     let adu = rtu::emit(UNIT, &pdu);
     let mut reply = vec![0; reply_adu(quantity)];
+    #[cfg(target_os = "linux")]
+    let _ = rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1));
     let start = Instant::now();
     while start.elapsed() < time {
         terminal.write_all(&adu).map_err(failed)?;
@@ -99,9 +100,7 @@ pub fn at_line(path: &Path, line: Settings, quantity: u16, time: Duration) -> Re
         let end = Instant::now();
         let (_, reply) = rtu::parse(&reply).map_err(|error| format!("the line: {error}"))?;
         check(&pdu, reply)?;
-        while end.elapsed() < rtu::t3_5(line) {
-            std::hint::spin_loop();
-        }
+        thread::sleep(rtu::t3_5(line).saturating_sub(end.elapsed()));
     }
     Ok(())
 }

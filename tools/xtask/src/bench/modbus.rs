@@ -146,8 +146,8 @@ fn page(line: Settings, machine: &str, paced: &[Paced], unpaced: &[Unpaced]) -> 
          The slave models the time on the wire of request and reply, and keeps t3.5 before the reply. The floor is the\n\
          wire time of both frames and two t3.5. *Transaction* is the time from the end of a reply on the line to the\n\
          end of the next, by the slave's clock; *latency* is what a client sees, which with 32 clients is mostly its\n\
-         place in the queue. *Line alone* is a loop at the pseudo terminal without a gateway and without timers: what\n\
-         it is above the floor, the slave's timers and the scheduler cost.\n\n\
+         place in the queue. *Line alone* is a loop at the pseudo terminal without a gateway: what it is above the\n\
+         floor, the system's timers, pseudo terminal and scheduler cost.\n\n\
          | registers | clients | floor | transaction p50 | above floor | p99 | latency p50 | p99 | transactions |\n\
          |--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
         machine::load(),
