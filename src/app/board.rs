@@ -18,7 +18,10 @@ pub fn start(spawner: Spawner) {
     for (index, bus) in (0..).zip(&gateway.settings.buses) {
         match board.lines.open(&bus.port, line_settings(bus)) {
             Ok(line) => {
-                board.buses.spawn(bus_task(gateway.desk, index, line, master(bus)).expect("one task a bus"));
+                board.buses.spawn(
+                    bus_task(gateway.desk, index, line, master(&gateway.settings, bus))
+                        .expect("one task a bus"),
+                );
             }
             Err(error) => log::error!("[[bus]] \"{}\" port: {error}", bus.name),
         }

@@ -105,8 +105,10 @@ fn buses(gateway: &'static Gateway, lines: Vec<LineSpec>) -> ! {
     static EXECUTOR: StaticCell<Executor> = StaticCell::new();
     EXECUTOR.init(Executor::new()).run(|spawner| {
         for ((index, spec), bus) in (0..).zip(lines).zip(&gateway.settings.buses) {
-            spawner
-                .spawn(bus_task(gateway.desk, index, Line::new(spec), master(bus)).expect("one task a bus"));
+            spawner.spawn(
+                bus_task(gateway.desk, index, Line::new(spec), master(&gateway.settings, bus))
+                    .expect("one task a bus"),
+            );
         }
         for (axis, _) in gateway.axes.iter() {
             spawner.spawn(watch_task(gateway, axis).expect("one task an axis"));

@@ -59,10 +59,11 @@ fn mode(bus: &settings::Bus) -> Mode {
 }
 
 /// What the master of a bus goes by.
-pub fn master(bus: &settings::Bus) -> Config {
+pub fn master(settings: &Settings, bus: &settings::Bus) -> Config {
     Config {
         line: line_settings(bus),
         mode: mode(bus),
+        silence: silence(settings, bus),
         reply_timeout: millis(bus.reply_timeout_ms),
         turnaround: millis(bus.turnaround_ms),
         rest: millis(bus.rest_ms),
@@ -72,6 +73,15 @@ pub fn master(bus: &settings::Bus) -> Config {
             settings::Echo::Strip => Echo::Strip,
             settings::Echo::Verify => Echo::Verify,
         },
+    }
+}
+
+/// EDB drives want 4 characters of silence between RTU frames, where the standard has 3.5.
+fn silence(settings: &Settings, bus: &settings::Bus) -> Duration {
+    let edb = settings.axes.iter().any(|axis| axis.bus == bus.name && axis.drive == settings::Drive::Edb);
+    match bus.protocol {
+        settings::Protocol::ModbusRtu if edb => line_settings(bus).wire_time(4),
+        settings::Protocol::ModbusRtu | settings::Protocol::ModbusAscii => Duration::ZERO,
     }
 }
 

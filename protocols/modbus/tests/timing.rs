@@ -48,6 +48,20 @@ fn a_reply_is_done_with_its_last_byte_and_the_next_request_waits_for_silence() {
     }
 }
 
+/// ESTUN drives ask for 4 characters where the standard has 3.5.
+#[test]
+fn a_longer_silence_than_the_standards_is_kept() {
+    let base = config(Mode::Rtu);
+    for (silence, kept) in [(base.line.wire_time(4), base.line.wire_time(4)), (Duration::ZERO, gap(&base))] {
+        let mut rig = Rig::new(Config { silence, ..base });
+        rig.send(1, READ);
+        rig.bytes(wire(&base, READ), &adu(Mode::Rtu, 1, ANSWER));
+        assert_eq!(rig.finish(), answer());
+        let done = rig.now;
+        assert_eq!(rig.send(1, READ), done + kept);
+    }
+}
+
 #[test]
 fn every_known_reply_is_done_with_its_last_byte() {
     let cases: &[(&[u8], &[u8])] = &[

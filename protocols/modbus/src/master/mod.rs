@@ -80,7 +80,7 @@ impl Master {
         };
         Self {
             config,
-            gap,
+            gap: gap.max(config.silence),
             state: State::Idle,
             request: Outgoing::none(),
             echo_left: 0,

@@ -14,6 +14,8 @@ pub struct Config {
     pub line: Settings,
     /// Framing.
     pub mode: Mode,
+    /// Silence before a request, where slaves want more than the standard's: t3.5 in RTU.
+    pub silence: Duration,
     /// From the end of a request to the end of its reply. A reply that is still arriving then is waited for, for at most the
     /// wire time of the longest frame.
     pub reply_timeout: Duration,
@@ -29,11 +31,12 @@ pub struct Config {
 }
 
 impl Config {
-    /// For a line: 500 ms for a reply, 100 ms of turnaround, no rest, 500 ms of quarantine, no echo.
+    /// For a line: the standard's silence, 500 ms for a reply, 100 ms of turnaround, no rest, 500 ms of quarantine, no echo.
     pub const fn new(mode: Mode, line: Settings) -> Self {
         Self {
             line,
             mode,
+            silence: Duration::ZERO,
             reply_timeout: Duration::from_millis(500),
             turnaround: Duration::from_millis(100),
             rest: Duration::ZERO,
