@@ -88,8 +88,6 @@ fn the_factory_settings_have_three_drives_that_can_be_jogged() {
             client.ok(&format!("axis {name} status")).contains(" speed_rpm=-120 ")
         });
         client.ok(&format!("axis {name} stop"));
-        until("the motor stands", || {
-            client.ok(&format!("axis {name} status")).contains(" speed_rpm=0 ")
-        });
+        until("the motor stands", || client.ok(&format!("axis {name} status")).contains(" speed_rpm=0 "));
     }
 }

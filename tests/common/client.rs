@@ -74,11 +74,13 @@ pub fn mbap(transaction: u16, unit: u8, pdu: &[u8]) -> Vec<u8> {
 }
 
 impl Modbus {
+    #[track_caller]
     pub fn connect(address: SocketAddr) -> Self {
         Self { stream: connect(address), transaction: 0x4700 }
     }
 
     /// Sends a request and tells its transaction number.
+    #[track_caller]
     pub fn send(&mut self, unit: u8, pdu: &[u8]) -> u16 {
         self.transaction = self.transaction.wrapping_add(1);
         self.stream.write_all(&mbap(self.transaction, unit, pdu)).expect("sent");
@@ -86,6 +88,7 @@ impl Modbus {
     }
 
     /// The next reply: transaction, unit, PDU.
+    #[track_caller]
     pub fn receive(&mut self) -> (u16, u8, Vec<u8>) {
         let mut header = [0; 7];
         self.stream.read_exact(&mut header).expect("a reply");
@@ -97,6 +100,7 @@ impl Modbus {
     }
 
     /// One transaction: the reply PDU.
+    #[track_caller]
     pub fn ask(&mut self, unit: u8, pdu: &[u8]) -> Vec<u8> {
         let transaction = self.send(unit, pdu);
         let (number, replier, reply) = self.receive();
@@ -105,6 +109,7 @@ impl Modbus {
     }
 
     /// Reads registers; the exception code where there is one.
+    #[track_caller]
     pub fn read(&mut self, unit: u8, address: u16, quantity: u16) -> Result<Vec<u16>, u8> {
         let reply = self.ask(unit, &read_pdu(address, quantity));
         match *reply.as_slice() {
@@ -117,6 +122,7 @@ impl Modbus {
     }
 
     /// Writes a register; the exception code where there is one.
+    #[track_caller]
     pub fn write(&mut self, unit: u8, address: u16, value: u16) -> Result<(), u8> {
         let request = write_pdu(address, value);
         let reply = self.ask(unit, &request);
@@ -134,15 +140,23 @@ pub struct Lines {
 }
 
 impl Lines {
+    #[track_caller]
     pub fn connect(address: SocketAddr) -> Self {
-        Self { stream: BufReader::new(connect(address)) }
+        Self::over(connect(address))
     }
 
+    /// Over a connection from which nothing is to be read yet.
+    pub fn over(stream: TcpStream) -> Self {
+        Self { stream: BufReader::new(stream) }
+    }
+
+    #[track_caller]
     pub fn send(&mut self, text: &str) {
         self.stream.get_mut().write_all(format!("{text}\r\n").as_bytes()).expect("sent");
     }
 
     /// The next line, without its end.
+    #[track_caller]
     pub fn line(&mut self) -> String {
         let mut line = String::new();
         self.stream.read_line(&mut line).expect("a line");
@@ -150,12 +164,14 @@ impl Lines {
         line.trim_end().to_owned()
     }
 
+    #[track_caller]
     pub fn ask(&mut self, text: &str) -> String {
         self.send(text);
         self.line()
     }
 
     /// As `ask`; the answer must begin with `ok`.
+    #[track_caller]
     pub fn ok(&mut self, text: &str) -> String {
         let reply = self.ask(text);
         assert!(reply.starts_with("ok"), "{text}: {reply}");
@@ -163,6 +179,7 @@ impl Lines {
     }
 
     /// As `ask`; the answer must be this error.
+    #[track_caller]
     pub fn error(&mut self, text: &str, code: &str) -> String {
         let reply = self.ask(text);
         assert!(reply.starts_with(&format!("error {code} ")), "{text}: {reply}");

@@ -283,13 +283,7 @@ fn open_pty() -> (End, String) {
     (End::Pty { master: master.into(), far: far.expect("its far side") }, path)
 }
 
-fn serve<D: Device>(
-    mut end: End,
-    device: &Mutex<D>,
-    log: &Mutex<Log>,
-    start: Clock,
-    goes_on: &AtomicBool,
-) {
+fn serve<D: Device>(mut end: End, device: &Mutex<D>, log: &Mutex<Log>, start: Clock, goes_on: &AtomicBool) {
     let now = || Instant::from_micros(start.elapsed().as_micros() as u64);
     let clock = |at: Instant| start + Duration::from_micros(at.as_micros());
     let mut buffer = [0; 4096];
