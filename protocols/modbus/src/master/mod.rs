@@ -129,6 +129,18 @@ impl Master {
         self.units.ready_at(unit)
     }
 
+    /// Whether `unit` has not answered its last request, so that its late reply may still come.
+    pub fn owes(&self, unit: u8) -> bool {
+        self.units.owes(unit)
+    }
+
+    /// Ends the quarantine of `unit`, where it is in one, for a request that no late reply can be taken for the reply to.
+    pub fn end_quarantine(&mut self, unit: u8) {
+        if self.units.owes(unit) {
+            self.units.quarantine(unit, Instant::ZERO);
+        }
+    }
+
     /// Takes what the line said.
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) {
         if bytes.is_empty() {
