@@ -273,7 +273,9 @@ impl<D> Drop for Wire<D> {
 }
 
 fn open_pty() -> (End, String) {
-    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a pseudo terminal");
+    // Not inherited by the gateway, which would keep a pulled line open.
+    let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
+    let master = openpt(flags).expect("a pseudo terminal");
     grantpt(&master).expect("granted");
     unlockpt(&master).expect("unlocked");
     let path = ptsname(&master, Vec::new()).expect("its name").into_string().expect("text");
