@@ -12,27 +12,28 @@ const ON: u16 = 1;
 
 /// Reads status word and monitor block: two requests.
 pub(super) async fn read(link: &Link<'_>, registers: &Registers) -> Result<Snapshot, AxisError> {
-    let status = Status(link.read(registers.status).await?);
-    let block = link.read_many(registers.speed_feedback, Monitor::WORDS as u16).await?;
+    let status = Status(link.read(registers.status, Class::Free).await?);
+    let block = link.read_many(registers.speed_feedback, Monitor::WORDS as u16, Class::Free).await?;
     let monitor = Monitor::decode(block).ok_or(MISFIT)?;
     Ok(Snapshot { at: clock::now(), status, monitor })
 }
 
 /// Refuses where the drive shows an alarm.
-async fn no_alarm(link: &Link<'_>, registers: &Registers) -> Result<(), AxisError> {
-    if Status(link.read(registers.status).await?).alarm() {
-        return Err(AxisError::Alarm(link.read(registers.alarm).await?));
+async fn no_alarm(link: &Link<'_>, registers: &Registers, class: Class) -> Result<(), AxisError> {
+    if Status(link.read(registers.status, class).await?).alarm() {
+        return Err(AxisError::Alarm(link.read(registers.alarm, class).await?));
     }
     Ok(())
 }
 
 /// Clears both directions, then switches the servo on.
 pub(super) async fn enable(link: &Link<'_>, registers: &Registers, permit: Permit) -> Result<(), AxisError> {
-    no_alarm(link, registers).await?;
+    let class = Class::Motion(permit);
+    no_alarm(link, registers, class).await?;
     for (register, value) in
         [(registers.jog_forward, OFF), (registers.jog_reverse, OFF), (registers.jog_enable, ON)]
     {
-        link.write_guarded(register, value, permit).await?;
+        link.write(register, value, class).await?;
     }
     Ok(())
 }
@@ -75,6 +76,7 @@ pub(super) async fn jog(
     known: Known,
     rpm: i16,
 ) -> Result<(), AxisError> {
+    let class = Class::Motion(permit);
     let (direction, opposite) = match rpm {
         ..0 => (registers.jog_reverse, registers.jog_forward),
         0.. => (registers.jog_forward, registers.jog_reverse),
@@ -83,19 +85,19 @@ pub(super) async fn jog(
     if !same_direction {
         let enabled = match known.enabled {
             Some(enabled) => enabled,
-            None => link.read(registers.jog_enable).await? == ON,
+            None => link.read(registers.jog_enable, class).await? == ON,
         };
         if !enabled {
             return Err(AxisError::NotEnabled);
         }
-        no_alarm(link, registers).await?;
+        no_alarm(link, registers, class).await?;
         if known.jog != Jog::Still {
-            link.write_guarded(opposite, OFF, permit).await?;
+            link.write(opposite, OFF, class).await?;
         }
     }
-    link.write_guarded(registers.jog_speed, rpm.unsigned_abs(), permit).await?;
+    link.write(registers.jog_speed, rpm.unsigned_abs(), class).await?;
     if !same_direction {
-        link.write_guarded(direction, ON, permit).await?;
+        link.write(direction, ON, class).await?;
     }
     Ok(())
 }
@@ -108,7 +110,7 @@ pub(super) async fn clear(link: &Link<'_>, registers: &Registers, permit: Permit
         (registers.jog_enable, OFF),
         (registers.clear_alarm, ON),
     ] {
-        link.write_guarded(register, value, permit).await?;
+        link.write(register, value, Class::Guarded(permit)).await?;
     }
     Ok(())
 }

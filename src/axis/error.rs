@@ -40,6 +40,7 @@ impl AxisError {
             AxisError::UnknownAxis => "unknown-axis",
             AxisError::Leased(Leased::By(..)) => "leased",
             AxisError::Leased(Leased::Standstill(_)) => "standstill",
+            AxisError::Leased(Leased::Stopping) => "stopping",
             AxisError::NotEnabled => "not-enabled",
             AxisError::Alarm(_) => "alarm",
             AxisError::Range { .. } => "range",
@@ -67,6 +68,9 @@ impl fmt::Display for AxisError {
                     "somebody else stopped this axis; give no motion command for {} ms",
                     left.as_millis()
                 )
+            }
+            AxisError::Leased(Leased::Stopping) => {
+                f.write_str("the gateway is stopping this axis; try again")
             }
             AxisError::NotEnabled => f.write_str("the servo is off; enable the axis first"),
             AxisError::Alarm(number) => {

@@ -7,7 +7,7 @@ use puente_modbus::request::Request;
 
 use super::AxisError;
 use crate::clock;
-use crate::desk::{Class, Desk, Failure, Order, Pending, Permit};
+use crate::desk::{Class, Desk, Failure, Order, Pending};
 
 /// Words that one reading may have.
 const MAX_WORDS: usize = edb::MAX_READ as usize;
@@ -34,8 +34,9 @@ impl<'a> Link<'a> {
         &self,
         address: u16,
         quantity: u16,
+        class: Class,
     ) -> Result<Vec<u16, MAX_WORDS>, AxisError> {
-        let mut pending = self.submit(Class::Free, &Request::ReadHoldingRegisters { address, quantity })?;
+        let mut pending = self.submit(class, &Request::ReadHoldingRegisters { address, quantity })?;
         let words = |data: &[u8]| {
             // Behind function code and byte count.
             let (words, _) = data.get(2..).unwrap_or_default().as_chunks();
@@ -45,8 +46,8 @@ impl<'a> Link<'a> {
     }
 
     /// Reads one register.
-    pub(super) async fn read(&self, address: u16) -> Result<u16, AxisError> {
-        let words = self.read_many(address, 1).await?;
+    pub(super) async fn read(&self, address: u16, class: Class) -> Result<u16, AxisError> {
+        let words = self.read_many(address, 1, class).await?;
         words.first().copied().ok_or(MISFIT)
     }
 
@@ -55,14 +56,9 @@ impl<'a> Link<'a> {
         Ok(Write(self.submit(class, &Request::WriteSingleRegister { address, value })?))
     }
 
-    /// Writes one register; dropped unsent when the permit is revoked first.
-    pub(super) async fn write_guarded(
-        &self,
-        address: u16,
-        value: u16,
-        permit: Permit,
-    ) -> Result<(), AxisError> {
-        self.start_write(address, value, Class::Guarded(permit))?.confirmed().await
+    /// Writes one register.
+    pub(super) async fn write(&self, address: u16, value: u16, class: Class) -> Result<(), AxisError> {
+        self.start_write(address, value, class)?.confirmed().await
     }
 }
 

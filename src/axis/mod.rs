@@ -20,7 +20,7 @@ pub use error::AxisError;
 pub use raw::Ruling;
 
 use crate::clock;
-use crate::desk::{Cause, Desk, Event, Holder};
+use crate::desk::{Cause, Class, Desk, Event, Failure, Holder, Reason};
 use crate::port::limits::AXES;
 use link::Link;
 
@@ -28,7 +28,7 @@ type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
 /// One sequence of writes at a time on an axis; a stop does not wait for it.
 type Turn = embassy_sync::mutex::Mutex<CriticalSectionRawMutex, ()>;
 
-/// How often the gateway repeats a stop that the drive does not confirm.
+/// So many stops without confirmation are told, and repeated soon; then more slowly.
 const STOP_ATTEMPTS: u32 = 10;
 
 /// What the configuration says of an axis.
@@ -195,6 +195,8 @@ impl Axes {
         let _turn = axis.turn.lock().await;
         axis.forget();
         edb::enable(&self.link(axis, by.seat), &axis.spec.registers, permit).await?;
+        // A jog of this commander's own has ended with it.
+        self.desk.release(permit);
         axis.update(|known| {
             known.enabled = Some(true);
             known.jog = Jog::Still;
@@ -205,9 +207,10 @@ impl Axes {
     /// Disables the servo. Allowed to everyone, at any time; the axis coasts if it was moving.
     pub async fn disable(&self, id: u8, by: Commander) -> Result<(), AxisError> {
         let axis = self.get(id)?;
-        self.desk.revoke(clock::now(), id, by.holder);
+        let duty = self.desk.revoke(clock::now(), id, by.holder);
         axis.forget();
         edb::disable(&self.link(axis, by.seat), &axis.spec.registers).await?;
+        duty.done();
         axis.update(|known| {
             known.enabled = Some(false);
             known.jog = Jog::Still;
@@ -215,13 +218,15 @@ impl Axes {
         Ok(())
     }
 
-    /// Stops the axis by the drive's own ramp; it stays enabled. Allowed to everyone, at any time.
+    /// Stops the axis by the drive's own ramp; it stays enabled. Allowed to everyone, at any time. Where that ended a
+    /// lease and the drive does not confirm it, the gateway goes on trying.
     pub async fn stop(&self, id: u8, by: Commander) -> Result<(), AxisError> {
         let axis = self.get(id)?;
         let jog = axis.known().jog;
-        self.desk.revoke(clock::now(), id, by.holder);
+        let duty = self.desk.revoke(clock::now(), id, by.holder);
         axis.update(|known| known.jog = Jog::Unknown);
         edb::stop(&self.link(axis, by.seat), &axis.spec.registers, jog).await?;
+        duty.done();
         axis.update(|known| known.jog = Jog::Still);
         Ok(())
     }
@@ -252,23 +257,24 @@ impl Axes {
         }
         let result = edb::jog(&self.link(axis, by.seat), &axis.spec.registers, permit, known, speed).await;
         match result {
-            Ok(()) => {
-                self.desk.moving(clock::now(), permit);
-                axis.update(|known| {
-                    known.enabled = Some(true);
-                    known.jog = Jog::At(speed);
-                });
-            }
-            Err(AxisError::NotEnabled) => axis.update(|known| known.enabled = Some(false)),
-            Err(_) => axis.forget(),
-        }
-        match result {
+            Ok(()) if self.desk.moving(clock::now(), permit) => axis.update(|known| {
+                known.enabled = Some(true);
+                known.jog = Jog::At(speed);
+            }),
+            // A stop has come right behind it.
+            Ok(()) => return Err(Failure::NotSent(Reason::Stopped).into()),
             // The write may have reached the drive: keep the lease, so that its end stops the axis.
-            Err(AxisError::Failure(crate::desk::Failure::NoReply(_))) => {
-                self.desk.moving(clock::now(), permit)
+            Err(AxisError::Failure(Failure::NoReply(_))) => {
+                axis.forget();
+                self.desk.moving(clock::now(), permit);
             }
-            Err(_) => self.desk.unlease(permit),
-            Ok(()) => {}
+            Err(error) => {
+                axis.forget();
+                if error == AxisError::NotEnabled {
+                    axis.update(|known| known.enabled = Some(false));
+                }
+                self.desk.unlease(permit);
+            }
         }
         result
     }
@@ -276,7 +282,7 @@ impl Axes {
     /// Reads a parameter.
     pub async fn parameter(&self, id: u8, by: Commander, parameter: Parameter) -> Result<u16, AxisError> {
         let axis = self.get(id)?;
-        self.link(axis, by.seat).read(parameter.address()).await
+        self.link(axis, by.seat).read(parameter.address(), Class::Free).await
     }
 
     /// Writes a parameter: one request, sent once.
@@ -293,13 +299,13 @@ impl Axes {
             // A running jog changes its speed with it.
             axis.forget();
         }
-        self.link(axis, by.seat).write_guarded(parameter.address(), value, permit).await
+        self.link(axis, by.seat).write(parameter.address(), value, Class::Guarded(permit)).await
     }
 
     /// The number of the present alarm, 0 for none.
     pub async fn alarm(&self, id: u8, by: Commander) -> Result<u16, AxisError> {
         let axis = self.get(id)?;
-        self.link(axis, by.seat).read(axis.spec.registers.alarm).await
+        self.link(axis, by.seat).read(axis.spec.registers.alarm, Class::Free).await
     }
 
     /// Clears the alarm and the latched event. The jog commands and the servo are switched off first, so that the axis
@@ -310,6 +316,7 @@ impl Axes {
         let _turn = axis.turn.lock().await;
         axis.forget();
         edb::clear(&self.link(axis, by.seat), &axis.spec.registers, permit).await?;
+        self.desk.release(permit);
         self.desk.clear_event(id);
         axis.update(|known| {
             known.enabled = Some(false);
@@ -321,21 +328,35 @@ impl Axes {
     /// Stops the axis whenever its lease is lost, and repeats that until the drive confirms. One task an axis.
     pub async fn watch(&self, id: u8) -> ! {
         let by = Commander { seat: crate::port::limits::SLOTS as u8 + id, holder: Holder::Gateway };
+        let name = self.get(id).map_or("?", |axis| axis.spec.name.as_str());
         loop {
-            let cause = self.desk.lost(id).await;
-            let name = self.get(id).map_or("?", |axis| axis.spec.name.as_str());
+            let cause = self.desk.owed(id).await;
             log::warn!("axis {name}: {}, stopping it", cause.name());
-            for attempt in 1..=STOP_ATTEMPTS {
-                match self.stop(id, by).await {
-                    Ok(()) => break,
-                    Err(error) => log::error!("axis {name}: stop attempt {attempt}: {error}"),
+            let mut failed = 0;
+            while self.desk.owes(id) {
+                let begun = clock::now();
+                let Err(error) = self.stop(id, by).await else { break };
+                failed += 1;
+                if failed <= STOP_ATTEMPTS {
+                    log::error!("axis {name}: stop attempt {failed}: {error}");
                 }
-                if attempt == STOP_ATTEMPTS {
+                if failed == STOP_ATTEMPTS {
                     self.desk.stop_unconfirmed(clock::now(), id);
-                    log::error!("axis {name}: {}", Cause::StopUnconfirmed.name());
+                    log::error!("axis {name}: {}, still trying", Cause::StopUnconfirmed.name());
                 }
-                embassy_time::Timer::after_millis(100).await;
+                let pause = stop_pause(clock::now().since(begun), failed);
+                embassy_time::Timer::after_micros(pause.as_micros() as u64).await;
             }
         }
+    }
+}
+
+/// Time between two stops that `took` so long each, after so many that failed. The other drives of the bus have half of
+/// the line at first, and later as much as they have beside any dead drive.
+fn stop_pause(took: Duration, failed: u32) -> Duration {
+    if failed < STOP_ATTEMPTS {
+        took.max(Duration::from_millis(100))
+    } else {
+        took.saturating_mul(9).clamp(Duration::from_secs(1), Duration::from_secs(10))
     }
 }

@@ -34,13 +34,13 @@ impl Axes {
             match edb::effect(&axis.spec.registers, request) {
                 Effect::Read => {}
                 Effect::Stop => {
-                    self.desk.revoke(now, id, by.holder);
+                    self.desk.revoke_permits(now, id, by.holder);
                     ruling.class = Class::Stop;
                 }
                 Effect::Motion if unit == 0 => return Err(Exception::IllegalFunction),
                 Effect::Motion => {
                     let permit = self.desk.lease(now, id, by.holder, None).map_err(busy)?;
-                    ruling = Ruling { class: Class::Guarded(permit), motion: Some(permit) };
+                    ruling = Ruling { class: Class::Motion(permit), motion: Some(permit) };
                 }
                 Effect::Write => {
                     let permit = self.desk.permit(now, id, by.holder).map_err(busy)?;
@@ -57,7 +57,9 @@ impl Axes {
     /// A raw request that starts motion has been sent, with or without a reply.
     pub fn raw_ended(&self, ruling: &Ruling, sent: bool) {
         match ruling.motion {
-            Some(permit) if sent => self.desk.moving(clock::now(), permit),
+            Some(permit) if sent => {
+                self.desk.moving(clock::now(), permit);
+            }
             Some(permit) => self.desk.unlease(permit),
             None => {}
         }

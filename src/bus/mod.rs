@@ -13,8 +13,19 @@ pub struct Job {
     pub ticket: Ticket,
     /// Modbus address, 0 for a broadcast.
     pub unit: u8,
+    /// What it need not wait for.
+    pub haste: Haste,
     /// Function code and data.
     pub pdu: Pdu,
+}
+
+/// What a job need not wait for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Haste {
+    /// It waits for everything.
+    None,
+    /// It goes to a slave whose late reply is still waited for.
+    InQuarantineToo,
 }
 
 /// Names a job between [`Work::next`] and [`Work::finish`].
@@ -43,7 +54,7 @@ pub enum End<'a> {
 /// Where a pump gets its jobs, and tells how they ended.
 pub trait Work {
     /// The next job whose unit may be addressed at `now`; `ready_at` tells from when on a unit may be.
-    fn next(&self, now: Instant, ready_at: impl Fn(u8) -> Instant) -> Next;
+    fn next(&self, now: Instant, ready_at: impl Fn(u8, Haste) -> Instant) -> Next;
     /// Resolves when a job was added since the last call.
     async fn changed(&self);
     /// A job has ended.

@@ -5,7 +5,7 @@ use embassy_time::Timer;
 use embedded_io_async::{Error, ErrorKind};
 use puente_modbus::{Action, Config, Master};
 
-use super::{End, Next, Ticket, Work};
+use super::{End, Haste, Next, Ticket, Work};
 use crate::clock;
 use crate::port::SerialLine;
 
@@ -38,8 +38,15 @@ pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) 
         }
         let mut wake = master.poll_at();
         if current.is_none() {
-            match work.next(now, |unit| master.ready_at(unit)) {
+            let ready_at = |unit, haste| match haste {
+                Haste::InQuarantineToo if master.owes(unit) => now,
+                _ => master.ready_at(unit),
+            };
+            match work.next(now, ready_at) {
                 Next::Job(job) => {
+                    if job.haste == Haste::InQuarantineToo {
+                        master.end_quarantine(job.unit);
+                    }
                     // The master is idle here, so it cannot refuse.
                     if master.submit(job.unit, &job.pdu).is_ok() {
                         current = Some(job.ticket);

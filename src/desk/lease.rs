@@ -2,6 +2,9 @@
 //!
 //! Each axis has an epoch. A stop, or the end of a lease, starts a new one, and every request that carries a
 //! [`Permit`] of an older epoch is dropped unsent.
+//!
+//! When a lease ends, somebody must stop the axis: who took the lease away and holds the [`Duty`], or else the axis's
+//! watchman. Until the drive has confirmed a stop the axis is not leased again.
 
 use core::fmt;
 
@@ -80,6 +83,8 @@ pub enum Leased {
     By(Holder, Duration),
     /// The asker itself was stopped by somebody else and has to keep still this long.
     Standstill(Duration),
+    /// By nobody: the gateway is about to stop the axis.
+    Stopping,
 }
 
 /// Leave to act on an axis, valid until the next stop or loss of the lease.
@@ -107,25 +112,35 @@ struct Lease {
     running: bool,
 }
 
+/// What is to be done about an axis that may move without a lease.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Stopping {
+    /// Nothing.
+    Done,
+    /// The holder of a [`Duty`] is stopping it.
+    InHand,
+    /// The watchman has to.
+    Owed(Cause),
+}
+
 pub(super) struct AxisLease {
     epoch: u32,
     lease: Option<Lease>,
-    /// The lease was lost and the axis has not been stopped yet.
-    lost: Option<Cause>,
+    stopping: Stopping,
     event: Option<Event>,
     standstill: Option<(Holder, Instant)>,
 }
 
 impl AxisLease {
     pub(super) const fn new() -> Self {
-        Self { epoch: 0, lease: None, lost: None, event: None, standstill: None }
+        Self { epoch: 0, lease: None, stopping: Stopping::Done, event: None, standstill: None }
     }
 
     fn lose(&mut self, cause: Cause, now: Instant) {
         if let Some(lease) = self.lease.take() {
             self.epoch = self.epoch.wrapping_add(1);
             self.event = Some(Event { cause, holder: lease.holder, at: now });
-            self.lost = Some(cause);
+            self.stopping = Stopping::Owed(cause);
         }
     }
 
@@ -134,6 +149,14 @@ impl AxisLease {
         if self.lease.as_ref().is_some_and(|lease| lease.until <= now) {
             self.lose(Cause::Expired, now);
         }
+    }
+
+    /// Takes the lease from whoever else has it, who must keep still from now on.
+    fn take_from_others(&mut self, by: Holder, now: Instant) -> Option<Lease> {
+        let lease = self.lease.take_if(|lease| lease.holder != by)?;
+        self.standstill = Some((lease.holder, now + STANDSTILL));
+        self.event = Some(Event { cause: Cause::Stopped, holder: lease.holder, at: now });
+        Some(lease)
     }
 
     fn refuse_others(&mut self, holder: Holder, now: Instant) -> Result<(), Leased> {
@@ -175,6 +198,9 @@ impl Desk {
         let hold = hold.unwrap_or_else(|| self.with(|state| state.lease_time));
         let permit = self.on_axis(axis, |state| {
             state.refuse_others(holder, now)?;
+            if let Stopping::Owed(_) = state.stopping {
+                return Err(Leased::Stopping);
+            }
             if let Some((stopped, until)) = state.standstill
                 && stopped == holder
                 && now < until
@@ -197,14 +223,17 @@ impl Desk {
         permit.unwrap_or(Err(Leased::Standstill(Duration::ZERO)))
     }
 
-    /// Motion has begun under this permit: from now on its holder must show life.
-    pub fn moving(&self, now: Instant, permit: Permit) {
-        self.on_axis(permit.axis, |state| {
-            if let Some(lease) = state.lease.as_mut().filter(|lease| lease.holder == permit.holder) {
+    /// Motion has begun under this permit: from now on its holder must show life. False where its lease has ended
+    /// meanwhile; then the axis is being stopped.
+    pub fn moving(&self, now: Instant, permit: Permit) -> bool {
+        let moving = self.on_axis(permit.axis, |state| {
+            let lease = state.lease.as_mut().filter(|lease| lease.holder == permit.holder);
+            lease.map(|lease| {
                 lease.running = true;
                 lease.until = now + lease.hold;
-            }
+            })
         });
+        moving.flatten().is_some()
     }
 
     /// The holder of a permit gives its lease back without having moved the axis.
@@ -214,6 +243,11 @@ impl Desk {
                 state.lease = None;
             }
         });
+    }
+
+    /// The holder of a permit gives its lease back with the axis at rest.
+    pub fn release(&self, permit: Permit) {
+        self.on_axis(permit.axis, |state| state.lease.take_if(|lease| lease.holder == permit.holder));
     }
 
     /// A connection has shown life.
@@ -242,14 +276,27 @@ impl Desk {
         self.leases_changed.iter().for_each(|signal| signal.signal(()));
     }
 
-    /// Somebody stops an axis: ends any lease and revokes every permit.
-    pub fn revoke(&self, now: Instant, axis: u8, by: Holder) {
-        self.on_axis(axis, |state| {
-            if let Some(lease) = state.lease.take_if(|lease| lease.holder != by) {
-                state.standstill = Some((lease.holder, now + STANDSTILL));
-                state.event = Some(Event { cause: Cause::Stopped, holder: lease.holder, at: now });
+    /// Somebody is about to stop an axis in all directions: ends any lease and revokes every permit. Where that leaves
+    /// an axis that may move, it is the duty of the caller to stop it.
+    pub fn revoke(&self, now: Instant, axis: u8, by: Holder) -> Duty<'_> {
+        let epoch = self.on_axis(axis, |state| {
+            let lease = state.take_from_others(by, now).or_else(|| state.lease.take());
+            if lease.is_some() || state.stopping != Stopping::Done {
+                state.stopping = Stopping::InHand;
             }
-            state.lease = None;
+            state.epoch = state.epoch.wrapping_add(1);
+            state.epoch
+        });
+        Duty { desk: self, axis, epoch: epoch.unwrap_or_default() }
+    }
+
+    /// Somebody stops an axis in one direction, by a request of its own: revokes every permit. Its own lease stays, for
+    /// the other direction may be on; that of another ends, and the axis is stopped altogether.
+    pub fn revoke_permits(&self, now: Instant, axis: u8, by: Holder) {
+        self.on_axis(axis, |state| {
+            if state.take_from_others(by, now).is_some() {
+                state.stopping = Stopping::Owed(Cause::Stopped);
+            }
             state.epoch = state.epoch.wrapping_add(1);
         });
     }
@@ -280,16 +327,16 @@ impl Desk {
         });
     }
 
-    /// Waits until the lease of an axis is lost, and tells why. For the one task that stops the axis.
-    pub async fn lost(&self, axis: u8) -> Cause {
+    /// Waits until an axis has to be stopped by its watchman, and tells why.
+    pub async fn owed(&self, axis: u8) -> Cause {
         loop {
             let check = |state: &mut State| {
                 let state = state.leases.get_mut(usize::from(axis))?;
                 state.refresh(clock::now());
-                Some((state.lost.take(), state.lease.as_ref().map(|lease| lease.until)))
+                Some((state.stopping, state.lease.as_ref().map(|lease| lease.until)))
             };
-            let (lost, until) = self.with(check).unwrap_or_default();
-            if let Some(cause) = lost {
+            let (stopping, until) = self.with(check).unwrap_or((Stopping::Done, None));
+            if let Stopping::Owed(cause) = stopping {
                 return cause;
             }
             match self.leases_changed.get(usize::from(axis)) {
@@ -297,5 +344,41 @@ impl Desk {
                 None => core::future::pending().await,
             };
         }
+    }
+
+    /// Whether an axis has to be stopped by its watchman now.
+    pub fn owes(&self, axis: u8) -> bool {
+        let owed = |lease: &AxisLease| matches!(lease.stopping, Stopping::Owed(_));
+        self.with(|state| state.leases.get(usize::from(axis)).is_some_and(owed))
+    }
+}
+
+/// The duty to stop an axis that may move. Dropped before it is [`done`](Duty::done) it falls to the watchman.
+#[must_use]
+pub struct Duty<'d> {
+    desk: &'d Desk,
+    axis: u8,
+    epoch: u32,
+}
+
+impl Duty<'_> {
+    /// The drive has confirmed the stop.
+    pub fn done(self) {
+        self.end(Stopping::Done);
+    }
+
+    /// Who has revoked later has the duty now.
+    fn end(&self, with: Stopping) {
+        self.desk.on_axis(self.axis, |state| {
+            if state.epoch == self.epoch && state.stopping == Stopping::InHand {
+                state.stopping = with;
+            }
+        });
+    }
+}
+
+impl Drop for Duty<'_> {
+    fn drop(&mut self) {
+        self.end(Stopping::Owed(Cause::StopUnconfirmed));
     }
 }

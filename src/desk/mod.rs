@@ -22,7 +22,7 @@ use heapless::Vec;
 use puente_line::{Duration, Instant};
 use puente_modbus::{Evidence, Pdu};
 
-pub use lease::{Cause, Event, Holder, Leased, Permit};
+pub use lease::{Cause, Duty, Event, Holder, Leased, Permit};
 pub use pending::Pending;
 pub use queue::BusQueue;
 pub use route::Units;
@@ -83,8 +83,11 @@ impl fmt::Display for Reason {
 /// What a request may do, which decides its place in the queue and what can revoke it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Class {
-    /// Stops or disables a drive: goes first, past every rest, and cannot be revoked.
+    /// Stops or disables a drive: goes first, past every rest and quarantine, and cannot be revoked. It is sent even
+    /// where its client is gone.
     Stop,
+    /// Is to start motion: as `Guarded`, and every other turn is for such requests where there are any.
+    Motion(Permit),
     /// Acts on an axis: is dropped when its permit has been revoked before it was sent.
     Guarded(Permit),
     /// Asks whether a slave is there: goes to resting slaves too.
@@ -123,6 +126,8 @@ struct Bus {
     breaker: breaker::Breaker,
     statistics: Statistics,
     last_seat: u8,
+    /// The last request but for stops was a [`Class::Motion`].
+    last_moved: bool,
 }
 
 struct State {
@@ -167,8 +172,8 @@ impl Desk {
             for spec in specs.into_iter().take(BUSES) {
                 let breaker = breaker::Breaker::new(spec.reply_timeout);
                 // There is room: no more than BUSES are taken.
-                let _ =
-                    state.buses.push(Bus { spec, breaker, statistics: Statistics::default(), last_seat: 0 });
+                let statistics = Statistics::default();
+                let _ = state.buses.push(Bus { spec, breaker, statistics, last_seat: 0, last_moved: false });
             }
         });
     }

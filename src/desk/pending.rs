@@ -6,8 +6,8 @@ use core::task::{Context, Poll};
 use super::{Desk, Failure};
 use crate::bus::Ticket;
 
-/// A request on its way. Dropped before its answer was taken, a request still in the queue is never sent; one on the
-/// wire runs its course and nobody hears of it.
+/// A request on its way. Dropped before its answer was taken, a request still in the queue is never sent, except a
+/// stop; one on the wire runs its course. Nobody hears of either.
 pub struct Pending<'d> {
     desk: &'d Desk,
     ticket: Option<Ticket>,

@@ -4,10 +4,11 @@ use core::task::Waker;
 
 use embassy_sync::waitqueue::WakerRegistration;
 use puente_line::Instant;
+use puente_modbus::request::Request;
 use puente_modbus::{Outcome, Pdu};
 
 use super::{Class, Desk, Failure, Order, Reason};
-use crate::bus::{End, Job, Next, Ticket, Work};
+use crate::bus::{End, Haste, Job, Next, Ticket, Work};
 use crate::port::limits::{PIPELINE, TICKETS};
 
 /// Places that only a stop may take, so that there always is one.
@@ -17,13 +18,13 @@ enum Phase {
     Free,
     Queued,
     OnWire,
-    /// On the wire, and nobody waits for it any more.
-    Abandoned,
     Answered(Result<(), Failure>),
 }
 
 struct Entry {
     phase: Phase,
+    /// Nobody waits for the answer any more.
+    abandoned: bool,
     order: Order,
     /// Order of arrival.
     serial: u32,
@@ -36,6 +37,7 @@ impl Entry {
     const fn free() -> Self {
         Self {
             phase: Phase::Free,
+            abandoned: false,
             order: Order { seat: 0, bus: 0, unit: 0, class: Class::Free, pdu: Pdu::new() },
             serial: 0,
             arrived: Instant::ZERO,
@@ -45,10 +47,7 @@ impl Entry {
     }
 
     fn answer(&mut self, result: Result<(), Failure>) {
-        self.phase = match self.phase {
-            Phase::Abandoned => Phase::Free,
-            _ => Phase::Answered(result),
-        };
+        self.phase = if self.abandoned { Phase::Free } else { Phase::Answered(result) };
         self.waker.wake();
     }
 }
@@ -85,8 +84,8 @@ impl Queue {
         let entry = self.entries.get_mut(index)?;
         self.serial = self.serial.wrapping_add(1);
         let serial = self.serial;
-        *entry =
-            Entry { phase: Phase::Queued, order, serial, arrived, deadline, waker: WakerRegistration::new() };
+        let waker = WakerRegistration::new();
+        *entry = Entry { phase: Phase::Queued, abandoned: false, order, serial, arrived, deadline, waker };
         Some(Ticket(index as u16))
     }
 
@@ -109,10 +108,11 @@ impl Queue {
     /// Nobody waits for this request any more.
     pub(super) fn give_up(&mut self, ticket: Ticket) {
         if let Some(entry) = self.entries.get_mut(usize::from(ticket.0)) {
-            entry.phase = match entry.phase {
-                Phase::OnWire | Phase::Abandoned => Phase::Abandoned,
-                Phase::Free | Phase::Queued | Phase::Answered(_) => Phase::Free,
-            };
+            match entry.phase {
+                Phase::OnWire => entry.abandoned = true,
+                Phase::Queued if entry.order.class == Class::Stop => entry.abandoned = true,
+                Phase::Free | Phase::Queued | Phase::Answered(_) => entry.phase = Phase::Free,
+            }
         }
     }
 }
@@ -120,6 +120,15 @@ impl Queue {
 /// How many seats `seat` comes after the one served last: the lower, the sooner its turn.
 fn distance(seat: u8, last: u8) -> u8 {
     seat.wrapping_sub(last).wrapping_sub(1)
+}
+
+/// A stop goes out in the quarantine of its slave too, where its reply repeats all of it: no late reply can be taken for
+/// that, but one to the same stop. Function 10h does not repeat its values.
+fn haste(order: &Order) -> Haste {
+    use puente_modbus::request::Request::{MaskWriteRegister, WriteSingleRegister};
+    let repeated =
+        matches!(Request::parse(&order.pdu), Ok(WriteSingleRegister { .. } | MaskWriteRegister { .. }));
+    if order.class == Class::Stop && repeated { Haste::InQuarantineToo } else { Haste::None }
 }
 
 /// The desk as one bus sees it.
@@ -131,13 +140,13 @@ pub struct BusQueue<'d> {
 }
 
 impl Work for BusQueue<'_> {
-    fn next(&self, now: Instant, ready_at: impl Fn(u8) -> Instant) -> Next {
+    fn next(&self, now: Instant, ready_at: impl Fn(u8, Haste) -> Instant) -> Next {
         self.desk.with(|state| {
             let Some(bus) = state.buses.get_mut(usize::from(self.bus)) else {
                 return Next::Wait(None);
             };
             let mut wake: Option<Instant> = None;
-            let mut best: Option<((bool, u8, u32), usize)> = None;
+            let mut best: Option<((bool, bool, u8, u32), usize)> = None;
             for (index, entry) in state.queue.entries.iter_mut().enumerate() {
                 if !matches!(entry.phase, Phase::Queued) || entry.order.bus != self.bus {
                     continue;
@@ -146,8 +155,10 @@ impl Work for BusQueue<'_> {
                     Class::Stop => None,
                     _ if entry.deadline <= now => Some(Reason::Expired),
                     Class::Probe => None,
-                    Class::Guarded(permit) if !permit.valid(&state.leases, now) => Some(Reason::Stopped),
-                    Class::Guarded(_) | Class::Free => {
+                    Class::Motion(permit) | Class::Guarded(permit) if !permit.valid(&state.leases, now) => {
+                        Some(Reason::Stopped)
+                    }
+                    Class::Motion(_) | Class::Guarded(_) | Class::Free => {
                         bus.breaker.rest(entry.order.unit, now).map(Reason::Resting)
                     }
                 };
@@ -156,14 +167,16 @@ impl Work for BusQueue<'_> {
                     entry.answer(Err(Failure::NotSent(reason)));
                     continue;
                 }
-                let ready = ready_at(entry.order.unit);
+                let ready = ready_at(entry.order.unit, haste(&entry.order));
                 if ready > now {
                     let moment = ready.min(entry.deadline);
                     wake = Some(wake.map_or(moment, |wake| wake.min(moment)));
                     continue;
                 }
+                let moves = matches!(entry.order.class, Class::Motion(_));
                 let rank = (
                     entry.order.class != Class::Stop,
+                    moves == bus.last_moved,
                     distance(entry.order.seat, bus.last_seat),
                     entry.serial,
                 );
@@ -178,10 +191,12 @@ impl Work for BusQueue<'_> {
             entry.phase = Phase::OnWire;
             if entry.order.class != Class::Stop {
                 bus.last_seat = entry.order.seat;
+                bus.last_moved = matches!(entry.order.class, Class::Motion(_));
             }
             Next::Job(Job {
                 ticket: Ticket(index as u16),
                 unit: entry.order.unit,
+                haste: haste(&entry.order),
                 pdu: entry.order.pdu.clone(),
             })
         })

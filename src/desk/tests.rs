@@ -6,7 +6,7 @@ use puente_line::{Duration, Instant};
 use puente_modbus::{Evidence, Outcome, Pdu};
 
 use super::*;
-use crate::bus::{End, Next, Ticket, Work};
+use crate::bus::{End, Haste, Next, Ticket, Work};
 use crate::port::limits::PIPELINE;
 
 const LEASE: Duration = Duration::from_millis(250);
@@ -35,7 +35,7 @@ fn submit(desk: &Desk, now: Instant, order: Order) -> Pending<'_> {
 
 /// The next job for the bus, by ticket and the seat in its PDU.
 fn next(desk: &Desk, now: Instant) -> Option<(Ticket, u8)> {
-    match (BusQueue { desk, bus: 0 }).next(now, |_| Instant::ZERO) {
+    match (BusQueue { desk, bus: 0 }).next(now, |_, _| Instant::ZERO) {
         Next::Job(job) => Some((job.ticket, *job.pdu.get(2).expect("seat"))),
         Next::Wait(_) => None,
     }
@@ -121,6 +121,50 @@ fn what_is_dropped_in_the_queue_is_never_sent() {
 }
 
 #[test]
+fn a_stop_is_sent_though_it_was_dropped_in_the_queue() {
+    let desk = desk();
+    drop(submit(&desk, at(0), order(7, 1, Class::Stop)));
+    let (ticket, seat) = next(&desk, at(1)).expect("the stop");
+    assert_eq!((seat, desk.tickets().0), (7, 1));
+    answer(&desk, at(2), ticket);
+    assert_eq!(desk.tickets().0, 0);
+}
+
+#[test]
+fn what_starts_motion_has_every_other_turn() {
+    let desk = desk();
+    let permit = desk.lease(at(0), 0, ME, None).expect("free");
+    let mut pending = std::vec::Vec::new();
+    for seat in 0..4 {
+        pending.push(submit(&desk, at(0), order(seat, 1, Class::Free)));
+    }
+    for _ in 0..3 {
+        pending.push(submit(&desk, at(0), order(9, 1, Class::Motion(permit))));
+    }
+    let mut served = std::vec::Vec::new();
+    while let Some((ticket, seat)) = next(&desk, at(1)) {
+        answer(&desk, at(1), ticket);
+        served.push(seat);
+    }
+    assert_eq!(served, [9, 0, 9, 1, 9, 2, 3]);
+}
+
+#[test]
+fn a_stop_goes_out_in_the_quarantine_of_its_slave() {
+    let desk = desk();
+    let ready = |_, haste| if haste == Haste::InQuarantineToo { Instant::ZERO } else { at(500) };
+    let queue = BusQueue { desk: &desk, bus: 0 };
+    let write = |value| Pdu::from_slice(&[6, 0x10, 0x24, 0, value]).expect("short");
+    let _write = submit(&desk, at(0), Order { pdu: write(1), ..order(0, 1, Class::Free) });
+    // The reply to a jog with function 10h would pass for the reply to this stop.
+    let pdu = Pdu::from_slice(&[0x10, 0x10, 0x24, 0, 1, 2, 0, 0]).expect("short");
+    let _not_repeated = submit(&desk, at(0), Order { pdu, ..order(0, 1, Class::Stop) });
+    assert!(matches!(queue.next(at(1), ready), Next::Wait(_)));
+    let _stop = submit(&desk, at(0), Order { pdu: write(0), ..order(0, 1, Class::Stop) });
+    assert!(matches!(queue.next(at(1), ready), Next::Job(job) if job.pdu == write(0)));
+}
+
+#[test]
 fn what_is_dropped_on_the_wire_frees_its_place_when_it_ends() {
     let desk = desk();
     let pending = submit(&desk, at(0), order(0, 1, Class::Free));
@@ -144,7 +188,7 @@ fn a_busy_unit_does_not_hold_others_up() {
     let desk = desk();
     let _first = submit(&desk, at(0), order(0, 1, Class::Free));
     let _second = submit(&desk, at(0), order(1, 2, Class::Free));
-    let ready = |unit| if unit == 1 { at(40) } else { Instant::ZERO };
+    let ready = |unit, _| if unit == 1 { at(40) } else { Instant::ZERO };
     let queue = BusQueue { desk: &desk, bus: 0 };
     assert!(matches!(queue.next(at(1), ready), Next::Job(job) if job.unit == 2));
     assert!(matches!(queue.next(at(1), ready), Next::Wait(Some(moment)) if moment == at(40)));
@@ -192,13 +236,13 @@ const OTHER: Holder = Holder::Connection(2);
 fn a_lease_keeps_others_out_until_it_ends() {
     let desk = desk();
     let permit = desk.lease(at(0), 0, ME, None).expect("free");
-    desk.moving(at(10), permit);
+    assert!(desk.moving(at(10), permit));
     assert_eq!(desk.lease(at(100), 0, OTHER, None), Err(Leased::By(ME, Duration::from_millis(160))));
     assert!(desk.permit(at(100), 0, OTHER).is_err());
     assert!(desk.permit(at(100), 0, ME).is_ok());
     desk.renew(at(200), 1);
     assert!(desk.lease(at(440), 0, OTHER, None).is_err(), "renewed until 450");
-    assert!(desk.lease(at(450), 0, OTHER, None).is_ok());
+    assert_eq!(desk.lease(at(450), 0, OTHER, None), Err(Leased::Stopping));
     assert_eq!(desk.event(0).map(|event| (event.cause, event.holder)), Some((Cause::Expired, ME)));
 }
 
@@ -211,7 +255,7 @@ fn nothing_guarded_is_sent_after_the_end_of_the_lease() {
         let pending = submit(&desk, at(1), order(0, 1, Class::Guarded(permit)));
         let now = match end {
             "stop" => {
-                desk.revoke(at(2), 0, OTHER);
+                desk.revoke(at(2), 0, OTHER).done();
                 at(2)
             }
             "leave" => {
@@ -230,7 +274,7 @@ fn who_was_stopped_by_another_must_keep_still() {
     let desk = desk();
     let permit = desk.lease(at(0), 0, ME, None).expect("free");
     desk.moving(at(0), permit);
-    desk.revoke(at(100), 0, OTHER);
+    desk.revoke(at(100), 0, OTHER).done();
     assert_eq!(desk.event(0).map(|event| event.cause), Some(Cause::Stopped));
     // A button that is still held asks again and again, and gets nothing by it.
     for millis in (200..3000).step_by(200) {
@@ -247,7 +291,7 @@ fn an_http_lease_is_not_renewed_by_other_traffic() {
     desk.moving(at(0), permit);
     desk.renew(at(400), 1);
     assert!(desk.lease(at(499), 0, OTHER, None).is_err());
-    assert!(desk.lease(at(500), 0, OTHER, None).is_ok());
+    assert_eq!(desk.lease(at(500), 0, OTHER, None), Err(Leased::Stopping));
 }
 
 #[test]
@@ -259,8 +303,88 @@ fn the_lease_of_a_connection_that_leaves_is_lost_at_once() {
     assert!(desk.leased(at(5), 0).is_some(), "somebody else left");
     desk.leave(at(6), 1);
     assert_eq!(desk.leased(at(6), 0), None);
-    let cause = embassy_futures::block_on(desk.lost(0));
+    let cause = embassy_futures::block_on(desk.owed(0));
     assert_eq!(cause, Cause::Disconnected);
+}
+
+/// A desk whose axis 0 turns under the lease of [`ME`].
+fn turning() -> (Desk, Permit) {
+    let desk = desk();
+    let permit = desk.lease(at(0), 0, ME, None).expect("free");
+    assert!(desk.moving(at(0), permit));
+    (desk, permit)
+}
+
+#[test]
+fn nobody_gets_an_axis_whose_stop_is_owed() {
+    let (desk, permit) = turning();
+    desk.leave(at(1), 1);
+    assert!(desk.owes(0));
+    assert_eq!(desk.lease(at(2), 0, OTHER, None), Err(Leased::Stopping));
+    assert_eq!(desk.lease(at(2), 0, ME, None), Err(Leased::Stopping));
+    let duty = desk.revoke(at(3), 0, Holder::Gateway);
+    assert!(!desk.owes(0), "it is in hand");
+    duty.done();
+    assert!(!desk.owes(0));
+    assert!(desk.lease(at(4), 0, OTHER, None).is_ok());
+    assert!(!desk.moving(at(5), permit), "what was started under the old lease does not renew the new one");
+}
+
+#[test]
+fn a_stop_that_fails_falls_to_the_watchman() {
+    for by in [ME, OTHER, Holder::Gateway] {
+        let (desk, _) = turning();
+        drop(desk.revoke(at(1), 0, by));
+        assert!(desk.owes(0), "{by:?}");
+    }
+}
+
+#[test]
+fn a_stop_of_an_axis_that_nobody_moved_is_its_clients_own_affair() {
+    let desk = desk();
+    drop(desk.revoke(at(1), 0, ME));
+    assert!(!desk.owes(0));
+}
+
+#[test]
+fn of_two_stops_the_later_one_counts() {
+    let (desk, _) = turning();
+    let first = desk.revoke(at(1), 0, ME);
+    let second = desk.revoke(at(2), 0, OTHER);
+    drop(first);
+    assert!(!desk.owes(0), "the second is in hand");
+    drop(second);
+    assert!(desk.owes(0));
+
+    let (desk, _) = turning();
+    let first = desk.revoke(at(1), 0, ME);
+    let permit = desk.lease(at(2), 0, OTHER, None).expect("free");
+    assert!(desk.moving(at(2), permit));
+    desk.leave(at(3), 2);
+    first.done();
+    assert!(desk.owes(0), "the first stop was before this motion");
+}
+
+#[test]
+fn a_stop_of_one_direction_leaves_its_client_answerable_for_the_other() {
+    let (desk, permit) = turning();
+    let pending = submit(&desk, at(1), order(0, 1, Class::Motion(permit)));
+    desk.revoke_permits(at(1), 0, ME);
+    assert_eq!(next(&desk, at(1)), None);
+    assert_eq!(poll(pending), Some(Err(Failure::NotSent(Reason::Stopped))));
+    assert!(desk.leased(at(1), 0).is_some());
+    desk.leave(at(2), 1);
+    assert!(desk.owes(0));
+}
+
+#[test]
+fn a_stop_of_one_direction_by_another_stops_the_axis_altogether() {
+    let (desk, _) = turning();
+    desk.revoke_permits(at(1), 0, OTHER);
+    assert!(desk.owes(0));
+    assert_eq!(desk.event(0).map(|event| event.cause), Some(Cause::Stopped));
+    desk.revoke(at(2), 0, Holder::Gateway).done();
+    assert!(matches!(desk.lease(at(3), 0, ME, None), Err(Leased::Standstill(_))));
 }
 
 #[test]

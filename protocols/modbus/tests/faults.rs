@@ -109,6 +109,24 @@ fn late_in_quarantine() {
 }
 
 #[test]
+fn late_where_the_quarantine_was_ended() {
+    const JOG: &[u8] = &[6, 0x10, 0x24, 0, 1];
+    const STOP: &[u8] = &[6, 0x10, 0x24, 0, 0];
+    for mode in MODES {
+        let mut rig = Rig::new(config(mode));
+        assert_eq!(rig.exchange(1, JOG, &[]), End::NoReply(Evidence::Silence));
+        assert!(rig.master.owes(1));
+        rig.master.end_quarantine(1);
+        assert!(rig.master.ready_at(1) <= rig.now);
+        let (late, true_one) = (rig.adu(1, JOG), rig.adu(1, STOP));
+        let end = rig.exchange(1, STOP, &[(DELAY, late), (2 * DELAY, true_one)]);
+        assert_eq!(end, End::Reply(STOP.to_vec()), "{mode:?}");
+        assert_eq!(rig.now, rig.sent[1].0 + rig.config.line.wire_time(rig.sent[1].1.len()) + 2 * DELAY);
+        assert!(!rig.master.owes(1));
+    }
+}
+
+#[test]
 fn corrupt() {
     each(|rig, case| {
         let whole = rig.adu(1, case.reply);

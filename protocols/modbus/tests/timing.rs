@@ -267,16 +267,39 @@ fn a_babbling_line_does_not_hold_up_for_ever() {
     };
     let limit = wire(&rig.config, READ) + rig.config.reply_timeout + rig.config.line.wire_time(rtu::MAX_ADU);
     assert_eq!(rig.now, start + limit);
-    // A request waits for as long as it lasts, and can be taken back.
+    // What is noise by now holds the next request up no longer.
     rig.master.submit(2, READ).expect("idle");
-    for _ in 0..100 {
-        let (at, bytes) = rig.coming.pop_front().expect("babble");
-        rig.master.receive(at, &bytes);
-        assert_eq!(rig.master.poll(at), Action::Idle);
-    }
+    assert_eq!(rig.master.poll(rig.now), Action::Transmit(&adu(Mode::Rtu, 2, READ)));
+}
+
+#[test]
+fn a_request_that_waits_for_silence_can_be_taken_back() {
+    let mut rig = Rig::new(config(Mode::Rtu));
+    rig.master.receive(rig.now, &[0x55]);
+    rig.master.submit(2, READ).expect("idle");
+    assert_eq!(rig.master.poll(rig.now), Action::Idle);
     assert!(rig.master.withdraw());
     assert!(!rig.master.withdraw());
     assert_eq!(rig.master.submit(2, READ), Ok(()));
+}
+
+#[test]
+fn noise_that_never_pauses_holds_a_request_up_for_the_longest_frame_at_most() {
+    for (mode, longest) in [(Mode::Rtu, 256), (Mode::Ascii, 513)] {
+        let config = config(mode);
+        let character = config.line.wire_time(1);
+        let mut rig = Rig::new(config);
+        for at in 1..2_000 {
+            rig.bytes(character * at, &[0xFF]);
+        }
+        let start = rig.now + character;
+        rig.idle(start);
+        let limit = config.line.wire_time(longest) + gap(&config);
+        assert_eq!(rig.send(1, READ), start + limit, "{mode:?}");
+        let reply = rig.adu(1, ANSWER);
+        rig.bytes(wire(&config, READ), &reply);
+        assert_eq!(rig.finish(), answer(), "{mode:?}: whoever answers is heard all the same");
+    }
 }
 
 #[test]

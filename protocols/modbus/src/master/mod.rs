@@ -44,6 +44,8 @@ pub struct Master {
     last_received: Instant,
     /// Since when, or from when on, the line is silent.
     quiet_from: Instant,
+    /// Since when it has not been, without a silence between frames.
+    busy_from: Instant,
     units: Units,
     counters: Counters,
     reply: Pdu,
@@ -87,6 +89,7 @@ impl Master {
             receiver: Receiver::new(config.mode),
             last_received: Instant::ZERO,
             quiet_from: Instant::ZERO,
+            busy_from: Instant::ZERO,
             units: Units::new(),
             counters: Counters::default(),
             reply: Pdu::new(),
@@ -126,14 +129,25 @@ impl Master {
         self.units.ready_at(unit)
     }
 
+    /// Whether `unit` has not answered its last request, so that its late reply may still come.
+    pub fn owes(&self, unit: u8) -> bool {
+        self.units.owes(unit)
+    }
+
+    /// Ends the quarantine of `unit`, where it is in one, for a request that no late reply can be taken for the reply to.
+    pub fn end_quarantine(&mut self, unit: u8) {
+        if self.units.owes(unit) {
+            self.units.quarantine(unit, Instant::ZERO);
+        }
+    }
+
     /// Takes what the line said.
     pub fn receive(&mut self, now: Instant, bytes: &[u8]) {
         if bytes.is_empty() {
             return;
         }
         self.elapse(now);
-        self.last_received = now;
-        self.quiet_from = self.quiet_from.max(now);
+        self.hear(now);
         for &byte in bytes {
             if self.echo_left > 0 && self.take_echo(byte) {
                 continue;
@@ -146,8 +160,7 @@ impl Master {
     /// The line reported a parity, framing or overrun error.
     pub fn line_error(&mut self, now: Instant) {
         self.elapse(now);
-        self.last_received = now;
-        self.quiet_from = self.quiet_from.max(now);
+        self.hear(now);
         count(&mut self.counters.line_errors);
         self.note(Evidence::Line);
     }
@@ -192,8 +205,28 @@ impl Master {
         Counters { garbage_bytes: self.receiver.garbage(), ..self.counters }
     }
 
+    /// The line is in use.
+    fn hear(&mut self, now: Instant) {
+        if now >= self.quiet_from + self.gap {
+            self.busy_from = now;
+        }
+        self.last_received = now;
+        self.quiet_from = self.quiet_from.max(now);
+    }
+
+    /// After a silence; but what goes on for longer than the longest frame is noise, such as a line without bias has while
+    /// nobody sends, and would hold everything up for ever.
     fn transmit_at(&self) -> Instant {
-        (self.quiet_from + self.gap).max(self.units.ready_at(self.request.unit))
+        let noise = self.busy_from + self.longest();
+        (self.quiet_from.min(noise) + self.gap).max(self.units.ready_at(self.request.unit))
+    }
+
+    /// Wire time of the longest frame.
+    fn longest(&self) -> Duration {
+        self.config.line.wire_time(match self.config.mode {
+            Mode::Rtu => rtu::MAX_ADU,
+            Mode::Ascii => ascii::MAX_ADU,
+        })
     }
 
     /// When the burst that is arriving ends, if nothing more comes.
@@ -215,15 +248,12 @@ impl Master {
         };
         let sent = now + self.config.line.wire_time(self.request.adu.len());
         self.quiet_from = sent;
+        self.busy_from = sent;
         self.state = if self.request.unit == BROADCAST {
             State::Turnaround { until: sent + self.config.turnaround }
         } else {
             let deadline = sent + self.config.reply_timeout;
-            let longest = match self.config.mode {
-                Mode::Rtu => rtu::MAX_ADU,
-                Mode::Ascii => ascii::MAX_ADU,
-            };
-            State::Waiting { deadline, limit: deadline + self.config.line.wire_time(longest), evidence: None }
+            State::Waiting { deadline, limit: deadline + self.longest(), evidence: None }
         };
     }
 
@@ -274,7 +304,10 @@ impl Master {
                 let quiet = self.config.quarantine.max(self.config.rest);
                 self.units.quarantine(self.request.unit, deadline + quiet);
             }
-            State::Turnaround { until } => self.quiet_from = self.quiet_from.max(until),
+            State::Turnaround { until } => {
+                self.quiet_from = self.quiet_from.max(until);
+                self.busy_from = self.quiet_from;
+            }
             State::Idle | State::Queued | State::Finished(_) => return,
         }
         self.echo_left = 0;
@@ -348,6 +381,7 @@ impl Master {
         self.units.rest(frame.unit, self.rested(now));
         // The reply proves that the request is out, even where the wire time has not passed.
         self.quiet_from = now;
+        self.busy_from = now;
         self.reply = frame.pdu;
         self.state = State::Finished(End::Reply);
     }
