@@ -14,7 +14,7 @@ use super::{End, Gateway, Guest, console, idle, modbus_ascii, send};
 const LINE: usize = puente_modbus::ascii::MAX_ADU;
 
 /// One line back.
-pub(super) type Reply = String<640>;
+pub(super) type Reply = String<560>;
 
 /// What a line asks for, after it was read: the line itself is not needed any more.
 #[allow(clippy::large_enum_variant, reason = "there is no heap, and one lives at a time")]

@@ -64,10 +64,13 @@ impl Device for Cell {
 /// Bytes on the line, so long after the request.
 pub type Chunk = (Duration, Vec<u8>);
 
+/// What slaves answer to a unit and a PDU.
+type Act = Box<dyn FnMut(u8, &[u8]) -> Vec<Chunk> + Send>;
+
 /// Slaves that answer as a closure says.
 pub struct Script {
     decoder: Decoder,
-    act: Box<dyn FnMut(u8, &[u8]) -> Vec<Chunk> + Send>,
+    act: Act,
     due: Vec<(Instant, Vec<u8>)>,
     requests: Vec<(Instant, u8, Vec<u8>)>,
 }

@@ -1,0 +1,173 @@
+//! A client's whole visit at the front, in memory: what it sends in which portions, and what it gets.
+
+use std::cell::RefCell;
+use std::convert::Infallible;
+use std::future::{pending, poll_fn};
+use std::pin::pin;
+use std::rc::Rc;
+use std::task::Poll;
+
+use embassy_futures::select::{Either3, select3};
+use embedded_io_async::{ErrorType, Read, Write};
+use puente::axis::{Axes, AxisSpec};
+use puente::bus::{End, Next, Work};
+use puente::desk::{BusQueue, BusSpec, Desk};
+use puente::front::Gateway;
+use puente::port::{Door, Listener, Peer, Socket};
+use puente::settings::Settings;
+use puente_line::{Duration, Instant};
+use puente_modbus::{Evidence, Outcome};
+
+/// One client: each portion is read at once, then it closes its side.
+pub struct Client {
+    door: Door,
+    portions: Vec<Vec<u8>>,
+    got: Rc<RefCell<Vec<u8>>>,
+}
+
+/// What a client sends ends with its last portion.
+pub struct Sender<'c>(&'c mut Vec<Vec<u8>>);
+/// Keeps all that a client gets.
+pub struct Keeper<'c>(&'c RefCell<Vec<u8>>);
+
+impl ErrorType for Sender<'_> {
+    type Error = Infallible;
+}
+
+impl Read for Sender<'_> {
+    async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
+        let Some(portion) = self.0.first_mut() else {
+            return Ok(0);
+        };
+        let count = portion.len().min(buffer.len());
+        buffer[..count].copy_from_slice(&portion[..count]);
+        portion.drain(..count);
+        if portion.is_empty() {
+            self.0.remove(0);
+        }
+        Ok(count)
+    }
+}
+
+impl ErrorType for Keeper<'_> {
+    type Error = Infallible;
+}
+
+impl Write for Keeper<'_> {
+    async fn write(&mut self, bytes: &[u8]) -> Result<usize, Infallible> {
+        self.0.borrow_mut().extend(bytes);
+        Ok(bytes.len())
+    }
+
+    async fn flush(&mut self) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+impl Socket for Client {
+    type Error = Infallible;
+    type Reader<'a> = Sender<'a>;
+    type Writer<'a> = Keeper<'a>;
+
+    fn peer(&self) -> Peer {
+        Peer { ip: [127, 0, 0, 1], port: 1 }
+    }
+
+    fn door(&self) -> Door {
+        self.door
+    }
+
+    fn split(&mut self) -> (Sender<'_>, Keeper<'_>) {
+        (Sender(&mut self.portions), Keeper(&self.got))
+    }
+
+    async fn close(&mut self) {}
+
+    fn abort(&mut self) {}
+}
+
+/// Lets the client in, and tells when its place is free again.
+struct Place {
+    client: Option<Client>,
+    left: Rc<RefCell<bool>>,
+}
+
+impl Listener for Place {
+    type Socket<'a> = Client;
+
+    async fn accept(&mut self) -> Client {
+        match self.client.take() {
+            Some(client) => client,
+            None => {
+                *self.left.borrow_mut() = true;
+                pending().await
+            }
+        }
+    }
+}
+
+static DESK: Desk = Desk::new();
+
+/// The gateway of all visits, with the factory settings.
+fn gateway() -> &'static Gateway {
+    let settings = Settings::factory("sim");
+    let buses = settings.buses.iter().map(|bus| BusSpec {
+        units: bus.units,
+        queue_timeout: Duration::from_secs(3),
+        reply_timeout: Duration::from_millis(500),
+    });
+    DESK.configure(buses, Duration::from_millis(250));
+    let axes = settings.axes.iter().map(|axis| AxisSpec {
+        name: axis.name.clone(),
+        bus: 0,
+        bus_name: axis.bus.clone(),
+        address: axis.address,
+        max_rpm: axis.max_rpm,
+        registers: Default::default(),
+    });
+    let axes = Axes::new(&DESK, axes);
+    Box::leak(Box::new(Gateway::new(settings, &DESK, axes)))
+}
+
+/// A bus without wire: each request is answered at once, with a plain reply or not at all.
+async fn answer(desk: &'static Desk) {
+    let queue = BusQueue { desk, bus: 0 };
+    loop {
+        let job = match queue.next(Instant::ZERO, |_, _| Instant::ZERO) {
+            Next::Job(job) => job,
+            Next::Wait(_) => {
+                queue.changed().await;
+                continue;
+            }
+        };
+        let outcome = match job.pdu.as_slice() {
+            [3 | 4, _, _, 0, count @ 1..=125] => {
+                let mut reply = vec![job.pdu[0], count * 2];
+                reply.resize(2 + usize::from(*count) * 2, 0);
+                queue.finish(Instant::ZERO, job.ticket, End::Master(Outcome::Reply(&reply)));
+                continue;
+            }
+            [6, ..] => Outcome::Reply(&job.pdu),
+            _ => Outcome::NoReply(Evidence::Silence),
+        };
+        queue.finish(Instant::ZERO, job.ticket, End::Master(outcome));
+    }
+}
+
+/// What a client gets that sends these portions through this door, until the gateway has done with it.
+pub fn visit(door: Door, portions: Vec<Vec<u8>>) -> Vec<u8> {
+    static GATEWAY: std::sync::OnceLock<&'static Gateway> = std::sync::OnceLock::new();
+    let gateway = *GATEWAY.get_or_init(gateway);
+    let (got, left) = (Rc::default(), Rc::default());
+    let client = Client { door, portions, got: Rc::clone(&got) };
+    let mut place = Place { client: Some(client), left: Rc::clone(&left) };
+    let free = poll_fn(|_| if *left.borrow() { Poll::Ready(()) } else { Poll::Pending });
+    let all = select3(puente::front::serve(gateway, 0, &mut place), answer(&DESK), free);
+    embassy_futures::block_on(async {
+        match pin!(all).await {
+            Either3::First(never) => never,
+            Either3::Second(()) | Either3::Third(()) => {}
+        }
+    });
+    got.take()
+}
