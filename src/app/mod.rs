@@ -7,7 +7,6 @@ pub mod host;
 #[cfg(not(target_os = "none"))]
 mod options;
 
-use puente_drives::edb::Registers;
 use puente_line::Duration;
 use puente_modbus::{Config, Echo, Mode};
 use static_cell::StaticCell;
@@ -36,7 +35,7 @@ pub fn build(settings: Settings) -> &'static Gateway {
         bus_name: axis.bus.clone(),
         address: axis.address,
         max_rpm: axis.max_rpm,
-        registers: axis.registers.over(Registers::default()),
+        registers: axis.registers,
     });
     let axes = Axes::new(&DESK, axes);
     GATEWAY.init_with(|| Gateway::new(settings, &DESK, axes))

@@ -172,59 +172,12 @@ pub struct Axis {
     #[serde(default = "default_max_rpm")]
     pub max_rpm: u16,
     /// Registers that differ from the EDB family's.
-    #[serde(default, skip_serializing_if = "RegisterOverrides::is_empty")]
-    pub registers: RegisterOverrides,
+    #[serde(default, skip_serializing_if = "is_family")]
+    pub registers: Registers,
 }
 
-/// Registers of a drive model that differ from the family's.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct RegisterOverrides {
-    /// Status word.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub status: Option<u16>,
-    /// First register of the monitor block, the speed feedback.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub speed_feedback: Option<u16>,
-    /// Present alarm.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub alarm: Option<u16>,
-    /// Jog speed, r/min.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub jog_speed: Option<u16>,
-    /// Clears the alarm.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub clear_alarm: Option<u16>,
-    /// Servo on for jogging.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub jog_enable: Option<u16>,
-    /// Jog forward.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub jog_forward: Option<u16>,
-    /// Jog reverse.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub jog_reverse: Option<u16>,
-}
-
-impl RegisterOverrides {
-    fn is_empty(&self) -> bool {
-        *self == Self::default()
-    }
-
-    /// The family's registers with these put over them.
-    pub fn over(&self, family: Registers) -> Registers {
-        Registers {
-            status: self.status.unwrap_or(family.status),
-            speed_feedback: self.speed_feedback.unwrap_or(family.speed_feedback),
-            alarm: self.alarm.unwrap_or(family.alarm),
-            jog_speed: self.jog_speed.unwrap_or(family.jog_speed),
-            clear_alarm: self.clear_alarm.unwrap_or(family.clear_alarm),
-            jog_enable: self.jog_enable.unwrap_or(family.jog_enable),
-            jog_forward: self.jog_forward.unwrap_or(family.jog_forward),
-            jog_reverse: self.jog_reverse.unwrap_or(family.jog_reverse),
-            ..family
-        }
-    }
+fn is_family(registers: &Registers) -> bool {
+    *registers == Registers::default()
 }
 
 fn default_baud() -> u32 {
@@ -296,7 +249,7 @@ impl Settings {
             drive: Drive::Edb,
             address,
             max_rpm: default_max_rpm(),
-            registers: RegisterOverrides::default(),
+            registers: Registers::default(),
         };
         Self {
             net: Net::default(),
