@@ -25,6 +25,9 @@ use reply::{Manner, Reply};
 /// A request that has begun must be whole within this time.
 const WHOLE: Duration = Duration::from_secs(5);
 
+/// A browser leaves connections open that it does not need, so they are closed sooner than others.
+const KEPT_OPEN: Duration = Duration::from_secs(15);
+
 /// Why a request is not answered as asked.
 #[derive(Debug)]
 enum Fault {
@@ -98,7 +101,7 @@ async fn await_request<R: Read>(gateway: &Gateway, inbox: &mut Inbox<'_, R>) -> 
         if inbox.ended() {
             return Err(End::Closed);
         }
-        with_timeout(idle(gateway), inbox.fill()).await.unwrap_or(Err(End::Idle))?;
+        with_timeout(idle(gateway).min(KEPT_OPEN), inbox.fill()).await.unwrap_or(Err(End::Idle))?;
     }
     Ok(())
 }
