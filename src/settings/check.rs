@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use puente_drives::edb::Registers;
+
 use super::{Axis, Bus, Name, Net, Protocol, Settings};
 use crate::port::limits::{CLIENTS, CLIENTS_ALLOWED};
 
@@ -44,12 +46,26 @@ pub enum Problem {
         /// The unit.
         unit: u8,
     },
+    /// Two buses have the same port.
+    SamePort {
+        /// The second bus.
+        name: Name,
+        /// The first bus.
+        other: Name,
+    },
     /// An axis names a bus that does not exist.
     UnknownBus {
         /// Which axis.
         axis: Name,
         /// The bus it names.
         bus: Name,
+    },
+    /// Two of the registers that the gateway writes are one.
+    SameRegister {
+        /// Which axis.
+        axis: Name,
+        /// The register.
+        register: u16,
     },
     /// Two axes have the same drive.
     SameDrive {
@@ -70,6 +86,12 @@ impl fmt::Display for Problem {
             Problem::Overlap { name, other, unit } => {
                 write!(f, "[[bus]] \"{name}\" units: bus \"{other}\" serves unit {unit} already")
             }
+            Problem::SamePort { name, other } => {
+                write!(f, "[[bus]] \"{name}\" port: bus \"{other}\" has this port already")
+            }
+            Problem::SameRegister { axis, register } => {
+                write!(f, "[[axis]] \"{axis}\" registers: {register:04X}h is given two meanings")
+            }
             Problem::UnknownBus { axis, bus } => {
                 write!(f, "[[axis]] \"{axis}\" bus: there is no [[bus]] \"{bus}\"")
             }
@@ -80,6 +102,8 @@ impl fmt::Display for Problem {
     }
 }
 
+/// The port of which there are as many as one likes.
+const SIMULATED: &str = "sim";
 const NAMES: &str = "a unique name of letters, digits, '-' and '_' is needed";
 
 fn is_name(name: &str) -> bool {
@@ -100,6 +124,9 @@ impl Settings {
             }
             bus.check()?;
             for other in before {
+                if other.port == bus.port && bus.port != SIMULATED {
+                    return Err(Problem::SamePort { name: bus.name.clone(), other: other.name.clone() });
+                }
                 if let Some(unit) = other.units.overlap(&bus.units) {
                     return Err(Problem::Overlap { name: bus.name.clone(), other: other.name.clone(), unit });
                 }
@@ -130,7 +157,10 @@ impl Settings {
         if axis.max_rpm == 0 || axis.max_rpm > i16::MAX as u16 {
             return problem("max_rpm", "1 to 32767 is allowed");
         }
-        Ok(())
+        match axis.registers.over(Registers::default()).written_twice() {
+            Some(register) => Err(Problem::SameRegister { axis: axis.name.clone(), register }),
+            None => Ok(()),
+        }
     }
 }
 

@@ -201,7 +201,8 @@ pub fn figure(reply: &str, key: &str) -> u64 {
     value(reply, key).and_then(|text| text.parse().ok()).unwrap_or_else(|| panic!("no {key} in {reply}"))
 }
 
-/// Polls one register of a unit, at an easy pace, until it is told to end. All readings must be right.
+/// Polls one register of a unit, at an easy pace, until it is told to end, and ten times at least. All readings must be
+/// right.
 pub struct Poller {
     running: std::sync::Arc<std::sync::atomic::AtomicBool>,
     thread: Option<std::thread::JoinHandle<u32>>,
@@ -214,7 +215,7 @@ impl Poller {
         let thread = std::thread::spawn(move || {
             let mut client = Modbus::connect(address);
             let mut count = 0;
-            while goes_on.load(std::sync::atomic::Ordering::Relaxed) {
+            while count < 10 || goes_on.load(std::sync::atomic::Ordering::Relaxed) {
                 assert_eq!(client.read(unit, register, 1), Ok(vec![expected]), "reading {count}");
                 count += 1;
                 std::thread::sleep(ms(5));

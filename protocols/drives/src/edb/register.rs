@@ -152,3 +152,26 @@ impl Default for Registers {
         }
     }
 }
+
+impl Registers {
+    /// An address that two of the registers written to have, with which one command would carry out another.
+    pub fn written_twice(&self) -> Option<u16> {
+        let written = [self.jog_speed, self.clear_alarm, self.jog_enable, self.jog_forward, self.jog_reverse];
+        let again = |(at, address): &(usize, &u16)| written.iter().take(*at).any(|other| other == *address);
+        written.iter().enumerate().find(again).map(|(_, address)| *address)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Registers;
+
+    #[test]
+    fn registers_written_to_are_told_apart() {
+        let family = Registers::default();
+        assert_eq!(family.written_twice(), None);
+        assert_eq!(Registers { status: family.jog_forward, ..family }.written_twice(), None);
+        assert_eq!(Registers { jog_reverse: 0x1024, ..family }.written_twice(), Some(0x1024));
+        assert_eq!(Registers { jog_speed: 0x1022, ..family }.written_twice(), Some(0x1022));
+    }
+}

@@ -1,0 +1,82 @@
+//! A line that vanishes and comes back: requests fail meanwhile, and heal by themselves.
+
+mod common;
+
+use std::time::{Duration, Instant};
+
+use common::client::{Lines, Modbus};
+use common::wire::{Device, Script, Wire, frame, healthy, values};
+use common::{Gateway, MODES, bus, fast, ms, until};
+use puente_modbus::Mode;
+
+fn slaves(mode: Mode) -> Script {
+    Script::new(mode, fast(), move |unit, request| {
+        vec![(Duration::ZERO, frame(mode, unit, &healthy(unit, request)))]
+    })
+}
+
+fn heals<D: Device>(mode: Mode, mut wire: Wire<D>) {
+    let other = common::wire::script(mode, fast(), move |unit, request| {
+        vec![(Duration::ZERO, frame(mode, unit, &healthy(unit, request)))]
+    });
+    let gateway = Gateway::start(
+        &(bus("a", mode, fast(), &wire.port(), "units = \"1-3\"\nreply_timeout_ms = 200")
+            + &bus("b", mode, fast(), &other.port(), "units = \"4-6\"")),
+    );
+    let mut client = Modbus::connect(gateway.main);
+    let mut of_other_bus = Modbus::connect(gateway.main);
+    for round in 1..=2 {
+        assert_eq!(client.read(1, round, 2), Ok(values(1, round, 2)));
+        wire.pull();
+        until("a failure", || client.read(1, 7, 1) != Ok(values(1, 7, 1)));
+        let pulled = Instant::now();
+        while pulled.elapsed() < ms(500) {
+            assert_eq!(client.read(1, 7, 1), Err(0x0B));
+            assert_eq!(of_other_bus.read(4, 7, 1), Ok(values(4, 7, 1)), "another bus is not disturbed");
+        }
+        let reply = Lines::connect(gateway.main).ask("bus a scan 2-3");
+        assert!(reply.starts_with("error not-sent") || reply.ends_with("found="), "{reply}");
+        wire.plug();
+        until("the line is healed", || client.read(1, round, 2) == Ok(values(1, round, 2)));
+        assert_eq!(client.read(2, 0x0100, 20), Ok(values(2, 0x0100, 20)));
+    }
+    assert!(gateway.log().matches("trying again").count() <= 6, "a line that stays away is told once");
+}
+
+#[test]
+fn a_serial_device_that_is_unplugged() {
+    for mode in MODES {
+        heals(mode, Wire::pty(slaves(mode)));
+    }
+}
+
+#[test]
+fn a_tcp_line_whose_server_restarts() {
+    for mode in MODES {
+        heals(mode, Wire::tcp(slaves(mode)));
+    }
+}
+
+#[test]
+fn a_line_that_is_not_there_yet_when_the_gateway_starts() {
+    let mut wire = Wire::tcp(slaves(Mode::Rtu));
+    wire.pull();
+    let gateway = Gateway::start(&bus("a", Mode::Rtu, fast(), &wire.port(), ""));
+    let mut client = Modbus::connect(gateway.main);
+    assert_eq!(client.read(1, 7, 1), Err(0x0B));
+    wire.plug();
+    until("the line is found", || client.read(1, 7, 1) == Ok(values(1, 7, 1)));
+}
+
+#[test]
+fn what_could_not_be_sent_is_told_so() {
+    let mut wire = Wire::tcp(slaves(Mode::Rtu));
+    wire.pull();
+    let gateway = Gateway::start(&(bus("a", Mode::Rtu, fast(), &wire.port(), "") + &common::axis("x", 1)));
+    let mut console = Lines::connect(gateway.main);
+    let reply = console.error("axis x set Pn037 100", "not-sent");
+    assert!(reply.contains("not sent: the port of the bus failed"), "{reply}");
+    wire.plug();
+    until("the line is found", || console.ask("axis x get Pn037").starts_with("ok"));
+    assert!(!wire.pdus(1).iter().any(|pdu| pdu[0] == 6), "and is not sent later");
+}
