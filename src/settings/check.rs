@@ -2,8 +2,6 @@
 
 use core::fmt;
 
-use puente_drives::edb::Registers;
-
 use super::{Axis, Bus, Name, Net, Protocol, Settings};
 use crate::port::limits::{CLIENTS, CLIENTS_ALLOWED};
 
@@ -157,7 +155,7 @@ impl Settings {
         if axis.max_rpm == 0 || axis.max_rpm > i16::MAX as u16 {
             return problem("max_rpm", "1 to 32767 is allowed");
         }
-        match axis.registers.over(Registers::default()).written_twice() {
+        match axis.registers.written_twice() {
             Some(register) => Err(Problem::SameRegister { axis: axis.name.clone(), register }),
             None => Ok(()),
         }
