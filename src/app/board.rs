@@ -7,6 +7,9 @@ use crate::port::Board;
 use crate::settings::Settings;
 
 /// Starts the gateway, whose tasks go on after this returns. Call it once, first of all.
+///
+/// Not inlined: what it takes of the stack has to be free again when the tasks run.
+#[inline(never)]
 pub fn start(spawner: Spawner) {
     let settings = settings();
     let mut board = Board::start(spawner, Board::ADDRESS);

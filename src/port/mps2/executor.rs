@@ -7,6 +7,7 @@ use embassy_executor::{InterruptExecutor, SendSpawner, Spawner, raw};
 use static_cell::StaticCell;
 
 use super::interrupt::{Interrupt, enable};
+use super::stack;
 
 static BUSES: InterruptExecutor = InterruptExecutor::new();
 /// The executor of the network, once it is there.
@@ -19,6 +20,7 @@ pub fn run(start: impl FnOnce(Spawner)) -> ! {
     let executor: &'static raw::Executor =
         EXECUTOR.init(raw::Executor::new(Interrupt::Clients as usize as *mut ()));
     start(executor.spawner());
+    stack::started();
     CLIENTS.store(core::ptr::from_ref(executor).cast_mut(), Ordering::Release);
     enable(Interrupt::Clients);
     loop {
