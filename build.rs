@@ -5,8 +5,11 @@ use std::path::Path;
 
 /// Boards, and the memory file of each. The linker finds `memory.x` at the root by itself: it looks in the folder it
 /// is called in first, so that another board's file has to be put in its place by name.
-const BOARDS: [(&str, &str); 2] =
-    [("NUCLEO_H753ZI", "memory.x"), ("NUCLEO_F767ZI", "src/port/nucleo/f767zi.x")];
+const BOARDS: [(&str, &str); 3] = [
+    ("NUCLEO_H753ZI", "memory.x"),
+    ("NUCLEO_F767ZI", "src/port/nucleo/f767zi.x"),
+    ("MPS2_AN500", "src/port/mps2/memory.x"),
+];
 
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
@@ -16,10 +19,13 @@ fn main() {
     let mut boards =
         BOARDS.iter().filter(|(board, _)| env::var_os(format!("CARGO_FEATURE_{board}")).is_some());
     let (Some((_, memory)), None) = (boards.next(), boards.next()) else {
-        panic!("choose one board: --no-default-features --features nucleo-h753zi (or nucleo-f767zi)");
+        panic!(
+            "choose one board: --no-default-features --features nucleo-h753zi (or nucleo-f767zi, mps2-an500)"
+        );
     };
     println!("cargo:rerun-if-changed={memory}");
-    for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
+    let log = env::var_os("CARGO_FEATURE_NUCLEO").map(|_| "-Tdefmt.x");
+    for argument in ["--nmagic", "-Tlink.x"].into_iter().chain(log) {
         println!("cargo:rustc-link-arg-bins={argument}");
     }
     if *memory != "memory.x" {

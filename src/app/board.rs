@@ -3,13 +3,16 @@
 use embassy_executor::Spawner;
 
 use super::{bus_task, front_task, line_settings, master, watch_task};
-use crate::port::nucleo::{Address, Board};
+use crate::port::Board;
 use crate::settings::Settings;
 
 /// Starts the gateway, whose tasks go on after this returns. Call it once, first of all.
+///
+/// Not inlined: what it takes of the stack has to be free again when the tasks run.
+#[inline(never)]
 pub fn start(spawner: Spawner) {
     let settings = settings();
-    let mut board = Board::start(spawner, Address::THESIS);
+    let mut board = Board::start(spawner, Board::ADDRESS);
     log::info!("puente {} at {}, MAC {:02x?}", env!("CARGO_PKG_VERSION"), settings.net.bind, board.mac);
     let places = board.places(settings.net.port, settings.net.modbus_port);
     let gateway = super::build(settings);
@@ -37,7 +40,7 @@ pub fn start(spawner: Spawner) {
 /// The settings of every start, until they can be kept in flash.
 fn settings() -> Settings {
     let mut settings = Settings::factory("rs485-a");
-    settings.net.bind = Address::THESIS.ip.into();
+    settings.net.bind = Board::ADDRESS.ip.into();
     settings.net.port = 80;
     settings.net.modbus_port = 502;
     settings

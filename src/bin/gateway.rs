@@ -7,7 +7,7 @@ fn main() -> std::process::ExitCode {
 }
 
 #[cfg(target_os = "none")]
-#[embassy_executor::main]
-async fn main(spawner: embassy_executor::Spawner) {
-    puente::app::board::start(spawner);
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    puente::port::run(puente::app::board::start)
 }

@@ -11,9 +11,19 @@ pub mod host;
 pub use host::{Line, Place, limits};
 
 #[cfg(target_os = "none")]
-pub mod nucleo;
+pub mod embedded;
 #[cfg(target_os = "none")]
-pub use nucleo::{Line, Place, limits};
+pub use embedded::{Place, limits};
+
+#[cfg(all(target_os = "none", feature = "mps2-an500"))]
+pub mod mps2;
+#[cfg(all(target_os = "none", feature = "mps2-an500"))]
+pub use mps2::{Board, Line, run};
+
+#[cfg(all(target_os = "none", not(feature = "mps2-an500")))]
+pub mod nucleo;
+#[cfg(all(target_os = "none", not(feature = "mps2-an500")))]
+pub use nucleo::{Board, Line, run};
 
 /// Which of the two TCP ports a client came through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

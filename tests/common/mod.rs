@@ -8,13 +8,14 @@ pub mod wire;
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
 use std::net::SocketAddr;
-use std::path::PathBuf;
-use std::process::{Child, Command, Output, Stdio};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use puente_emulator::Emulator;
 use puente_line::Settings;
 use puente_modbus::Mode;
 
@@ -61,7 +62,7 @@ pub fn axis(name: &str, address: u8) -> String {
 
 /// A running gateway; it ends with the test, which fails where the gateway has ended or panicked before.
 pub struct Gateway {
-    child: Child,
+    process: Process,
     config: Option<PathBuf>,
     log: Arc<Mutex<String>>,
     /// The port of every dialect.
@@ -70,7 +71,39 @@ pub struct Gateway {
     pub modbus: SocketAddr,
 }
 
+/// What the gateway runs in.
+enum Process {
+    Host(Child),
+    Board(Emulator),
+}
+
+impl Process {
+    /// How it has ended by itself, where it has.
+    fn ended(&mut self) -> Option<ExitStatus> {
+        match self {
+            Self::Host(child) => child.try_wait().expect("its state"),
+            Self::Board(board) => board.ended(),
+        }
+    }
+}
+
 impl Gateway {
+    /// Starts the firmware on an emulated board, with bytes of its line at `line`.
+    pub fn on_board(image: &Path, line: SocketAddr) -> Self {
+        let log = Arc::new(Mutex::new(String::new()));
+        let lines = log.clone();
+        let keep = move |line: &str| {
+            let mut log = lines.lock().expect("the log");
+            log.push_str(line);
+            log.push('\n');
+        };
+        let board = Emulator::start(image, line, [0, 0], keep).unwrap_or_else(|error| {
+            panic!("{error}; log:\n{}", log.lock().expect("the log"));
+        });
+        let (main, modbus) = (board.main, board.modbus);
+        Self { process: Process::Board(board), config: None, log, main, modbus }
+    }
+
     /// Starts with these settings, on ports that the system chooses.
     pub fn start(settings: &str) -> Self {
         let config = scratch("settings.toml");
@@ -111,7 +144,7 @@ impl Gateway {
             thread::sleep(ms(50));
             panic!("'{ready}' is not the line `ready`; log:\n{}", log.lock().expect("the log"));
         };
-        Self { child, config, log, main, modbus }
+        Self { process: Process::Host(child), config, log, main, modbus }
     }
 
     /// What it has written to stderr.
@@ -128,9 +161,11 @@ impl Gateway {
 
 impl Drop for Gateway {
     fn drop(&mut self) {
-        let ended = self.child.try_wait();
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        let ended = self.process.ended();
+        if let Process::Host(child) = &mut self.process {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
         if let Some(config) = &self.config {
             let _ = fs::remove_file(config);
         }
@@ -138,7 +173,7 @@ impl Drop for Gateway {
         if thread::panicking() {
             eprintln!("log of the gateway:\n{log}");
         } else {
-            assert!(matches!(ended, Ok(None)), "the gateway has ended by itself: {ended:?}\n{log}");
+            assert!(ended.is_none(), "the gateway has ended by itself: {ended:?}\n{log}");
             assert!(!log.contains("panicked"), "{log}");
         }
     }

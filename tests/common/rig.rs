@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use puente_cell::Cell;
+use puente_cell::{Cell, Config};
 use puente_modbus::Mode;
 
 use super::client::{Lines, Modbus, figure, read_pdu, value};
@@ -23,6 +23,13 @@ pub struct Rig {
     pub gateway: Gateway,
 }
 
+fn settings(mode: Mode, wire: &Wire<Cell>, lease_ms: u64, more: &str) -> String {
+    let axes = ["x", "y", "z"].iter().zip(1..).map(|(name, address)| axis(name, address));
+    format!("[net]\nlease_ms = {lease_ms}\n")
+        + &bus("a", mode, thesis(), &wire.port(), more)
+        + &axes.collect::<String>()
+}
+
 impl Rig {
     pub fn new(mode: Mode, lease_ms: u64) -> Self {
         Self::with(mode, lease_ms, "")
@@ -31,10 +38,26 @@ impl Rig {
     /// With more keys of the bus.
     pub fn with(mode: Mode, lease_ms: u64, more: &str) -> Self {
         let wire = cell(mode, thesis(), &[1, 2, 3]);
-        let settings = format!("[net]\nlease_ms = {lease_ms}\n")
-            + &bus("a", mode, thesis(), &wire.port(), more)
-            + &["x", "y", "z"].iter().zip(1..).map(|(name, address)| axis(name, address)).collect::<String>();
-        let gateway = Gateway::start(&settings);
+        let gateway = Gateway::start(&settings(mode, &wire, lease_ms, more));
+        Self { wire, gateway }
+    }
+
+    /// With a board's factory settings: on the emulated board where the variable `PUENTE_IMAGE` names the firmware,
+    /// and otherwise on this machine.
+    pub fn on_target() -> Self {
+        Self::on_target_with("")
+    }
+
+    /// On this machine with more keys of `[net]`.
+    pub fn on_target_with(net: &str) -> Self {
+        let wire = Wire::tcp(Cell::new(Config::new(Mode::Ascii, thesis(), &[1, 2, 3])));
+        let gateway = match std::env::var_os("PUENTE_IMAGE") {
+            Some(image) => Gateway::on_board(image.as_ref(), wire.address().expect("on a port")),
+            None => {
+                let settings = settings(Mode::Ascii, &wire, 250, "");
+                Gateway::start(&settings.replace("[net]\n", &format!("[net]\n{net}\n")))
+            }
+        };
         Self { wire, gateway }
     }
 

@@ -200,6 +200,14 @@ impl<D: Device> Wire<D> {
         }
     }
 
+    /// Where it is on the network, where it is there.
+    pub fn address(&self) -> Option<SocketAddr> {
+        match self.place {
+            Place::Link(_) => None,
+            Place::Tcp(address) => Some(address),
+        }
+    }
+
     /// The device, to look at or to change.
     pub fn device(&self) -> MutexGuard<'_, D> {
         self.device.lock().expect("the device")

@@ -1,12 +1,20 @@
-//! The executor of the bus tasks. It runs in an interrupt, so that no amount of network traffic delays a bus.
+//! Two executors: that of the network in thread mode, and that of the bus tasks in an interrupt, so that no amount of
+//! network traffic delays a bus.
 
-use embassy_executor::{InterruptExecutor, SendSpawner};
+use embassy_executor::{Executor, InterruptExecutor, SendSpawner, Spawner};
 use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
+use static_cell::StaticCell;
 
 static BUSES: InterruptExecutor = InterruptExecutor::new();
 
-/// Starts the executor. The interrupt is SAI1's, which every board has and nothing here uses.
+/// Runs the tasks that `start` spawns, and those that they spawn, for ever. Call it once, from `main`.
+pub fn run(start: impl FnOnce(Spawner)) -> ! {
+    static CLIENTS: StaticCell<Executor> = StaticCell::new();
+    CLIENTS.init(Executor::new()).run(start)
+}
+
+/// Starts the executor of the bus tasks. The interrupt is SAI1's, which every board has and nothing here uses.
 pub(super) fn start() -> SendSpawner {
     interrupt::SAI1.set_priority(Priority::P6);
     BUSES.start(interrupt::SAI1)

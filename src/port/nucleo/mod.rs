@@ -3,16 +3,13 @@
 //! Interrupt priorities, the most urgent first: USARTs and the clock (0), bus tasks (6), Ethernet (8), then everything
 //! else in thread mode.
 
-mod doors;
 mod executor;
 mod fault;
-pub mod limits;
 mod line;
 mod lines;
 mod log;
 mod mac;
 mod net;
-mod socket;
 
 #[cfg(feature = "nucleo-f767zi")]
 #[path = "f767zi.rs"]
@@ -26,10 +23,11 @@ use embassy_net::Stack;
 use embassy_stm32::rng::Rng;
 use embassy_stm32::uid;
 
+pub use executor::run;
 pub use line::{Error as LineError, Line};
 pub use lines::{BadPort, Lines};
-pub use net::Address;
-pub use socket::{Place, Socket};
+
+use crate::port::embedded::{Address, Place, Ports, limits, places};
 
 /// What the board offers to the application.
 pub struct Board {
@@ -43,6 +41,9 @@ pub struct Board {
 }
 
 impl Board {
+    /// 192.168.1.111/24, the address of the thesis' gateway.
+    pub const ADDRESS: Address = Address { ip: [192, 168, 1, 111], prefix: 24, gateway: None };
+
     /// Starts clocks, network and executors. Call it once, first of all.
     pub fn start(spawner: Spawner, address: Address) -> Self {
         log::start();
@@ -81,6 +82,6 @@ impl Board {
 
     /// The places for clients on the main and the Modbus/TCP port. Call it once.
     pub fn places(&self, main: u16, modbus: u16) -> [Place; limits::SLOTS] {
-        socket::places(self.stack, socket::Ports { main, modbus })
+        places(self.stack, Ports { main, modbus })
     }
 }

@@ -1,17 +1,15 @@
-//! TCP/IP on the Ethernet MAC.
+//! The Ethernet MAC.
 
 use core::mem::MaybeUninit;
-use core::net::Ipv4Addr;
 
 use embassy_executor::Spawner;
-use embassy_net::{Config, Ipv4Cidr, Runner, Stack, StackResources, StaticConfigV4};
+use embassy_net::{Runner, Stack};
 use embassy_stm32::eth::{self, Ethernet, GenericPhy, PacketQueue, Sma};
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::peripherals::{ETH, ETH_SMA, PA1, PA2, PA7, PB13, PC1, PC4, PC5, PG11, PG13};
 use embassy_stm32::{Peri, bind_interrupts, interrupt};
-use static_cell::StaticCell;
 
-use super::limits::SLOTS;
+use crate::port::embedded::{Address, stack};
 
 bind_interrupts!(struct Interrupts {
     ETH => eth::InterruptHandler;
@@ -40,22 +38,6 @@ pub(super) struct Parts {
     pub tx_en: Peri<'static, PG11>,
     pub txd0: Peri<'static, PG13>,
     pub txd1: Peri<'static, PB13>,
-}
-
-/// The board's address on the network.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Address {
-    /// IPv4 address.
-    pub ip: [u8; 4],
-    /// Bits of the network part, 0 to 32.
-    pub prefix: u8,
-    /// Router, where there is one.
-    pub gateway: Option<[u8; 4]>,
-}
-
-impl Address {
-    /// 192.168.1.111/24, the address of the thesis' gateway.
-    pub const THESIS: Self = Self { ip: [192, 168, 1, 111], prefix: 24, gateway: None };
 }
 
 /// Starts the stack. `seed` makes TCP sequence numbers hard to guess.
@@ -92,13 +74,7 @@ pub(super) fn start(
         parts.mdio,
         parts.mdc,
     );
-    static RESOURCES: StaticCell<StackResources<{ SLOTS + 1 }>> = StaticCell::new();
-    let config = Config::ipv4_static(StaticConfigV4 {
-        address: Ipv4Cidr::new(Ipv4Addr::from(address.ip), address.prefix),
-        gateway: address.gateway.map(Ipv4Addr::from),
-        dns_servers: Default::default(),
-    });
-    let (stack, runner) = embassy_net::new(device, config, RESOURCES.init_with(StackResources::new), seed);
+    let (stack, runner) = stack(device, address, seed);
     spawner.spawn(run(runner).expect("the network task is started once"));
     stack
 }

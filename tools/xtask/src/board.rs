@@ -20,6 +20,9 @@ pub const BOARDS: &[Board] = &[
     Board { name: "nucleo-f767zi", budget: None },
 ];
 
+/// QEMU's, which nobody flashes.
+pub const EMULATED: Board = Board { name: "mps2-an500", budget: None };
+
 /// The boards that `name` means: one, or `all`.
 pub fn named(name: &str) -> Result<&'static [Board], String> {
     if name == "all" {

@@ -4,6 +4,7 @@ mod bench;
 mod board;
 mod command;
 mod cross;
+mod emulate;
 mod firmware;
 mod fuzz;
 mod peers;
@@ -42,6 +43,12 @@ const COMMANDS: &[Command] = &[
         usage: "[--board NAME|all] [--top N]",
         does: "the N functions of the firmware that take most of the stack",
         run: stack::run,
+    },
+    Command {
+        name: "emulate",
+        usage: "[--port N] [--modbus-port N]",
+        does: "run the firmware on an emulated board with simulated drives; port 0 takes a free one",
+        run: emulate::run,
     },
     Command { name: "fuzz", usage: "[--smoke] [TARGET]", does: "run the fuzz targets", run: fuzz::run },
     Command {

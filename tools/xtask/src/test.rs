@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use crate::board::BOARDS;
+use crate::board::{BOARDS, EMULATED};
 use crate::command::{cargo, program, run as run_command, works};
 use crate::cross::Cross;
-use crate::{Outcome, firmware, fuzz, peers, size, stack};
+use crate::{Outcome, emulate, firmware, fuzz, peers, size, stack};
 
 /// How long each fuzz target runs here; `cargo xtask fuzz --smoke` gives them more.
 const FUZZ: Duration = Duration::from_secs(3);
@@ -21,6 +21,7 @@ const STEPS: &[Step] = &[
     ("firmware", || firmware::run(&[])),
     ("size", || size::run(&[])),
     ("stack", || stack::run(&[])),
+    ("emulated board", emulate::test),
     ("fuzz", || fuzz::all(FUZZ)),
     ("peers", || peers::run(&[])),
 ];
@@ -65,7 +66,7 @@ fn lints() -> Outcome {
 fn firmware_lints() -> Outcome {
     component("clippy", "clippy")?;
     let cross = Cross::find()?;
-    for board in BOARDS {
+    for board in BOARDS.iter().chain([&EMULATED]) {
         let mut clippy = firmware::of_board(cross.cargo("clippy"), board);
         run_command(clippy.args(["--lib", "--quiet", "--", "-D", "warnings"]))?;
     }

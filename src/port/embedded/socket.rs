@@ -31,13 +31,13 @@ pub struct Place {
 
 /// The TCP ports of the two doors.
 #[derive(Clone, Copy)]
-pub(super) struct Ports {
+pub(in crate::port) struct Ports {
     pub main: u16,
     pub modbus: u16,
 }
 
 /// Opens all places. Call it once.
-pub(super) fn places(stack: Stack<'static>, ports: Ports) -> [Place; SLOTS] {
+pub(in crate::port) fn places(stack: Stack<'static>, ports: Ports) -> [Place; SLOTS] {
     type Buffers = [([u8; RECEIVE], [u8; SEND]); SLOTS];
     static BUFFERS: ConstStaticCell<Buffers> = ConstStaticCell::new([([0; RECEIVE], [0; SEND]); SLOTS]);
     BUFFERS.take().each_mut().map(|(receive, send)| {

@@ -1,0 +1,11 @@
+//! What all boards have in common: TCP/IP, the places for clients, and the sizes that a microcontroller allows.
+
+mod doors;
+pub mod limits;
+mod net;
+mod socket;
+
+pub use net::Address;
+pub(super) use net::stack;
+pub use socket::{Place, Socket};
+pub(super) use socket::{Ports, places};

@@ -1,0 +1,81 @@
+//! Interrupts: their numbers, their priorities, and who handles them.
+
+use cortex_m::interrupt::InterruptNumber;
+use cortex_m::peripheral::NVIC;
+use cortex_m_rt::exception;
+
+use super::{clock, executor, lan9118, line};
+
+/// The interrupts in use.
+#[derive(Clone, Copy)]
+#[repr(u16)]
+pub(super) enum Interrupt {
+    Uart1Receive = 2,
+    Uart1Transmit = 3,
+    Uart2Receive = 4,
+    Uart2Transmit = 5,
+    Timer0 = 8,
+    Ethernet = 13,
+    /// Spare ones, for the executors: pins of GPIO ports that nothing drives.
+    Clients = 30,
+    Buses = 31,
+}
+
+// SAFETY: the numbers differ, and all are below the 32 of this board.
+unsafe impl InterruptNumber for Interrupt {
+    fn number(self) -> u16 {
+        self as u16
+    }
+}
+
+impl Interrupt {
+    const ALL: [Self; 8] = [
+        Self::Uart1Receive,
+        Self::Uart1Transmit,
+        Self::Uart2Receive,
+        Self::Uart2Transmit,
+        Self::Timer0,
+        Self::Ethernet,
+        Self::Clients,
+        Self::Buses,
+    ];
+
+    /// The lower, the more urgent; the same order as on the Nucleo boards.
+    const fn priority(self) -> u8 {
+        match self {
+            Self::Uart1Receive | Self::Uart1Transmit | Self::Uart2Receive | Self::Uart2Transmit => 0x00,
+            Self::Timer0 => 0x00,
+            Self::Buses => 0x60,
+            Self::Ethernet => 0x80,
+            Self::Clients => 0xF0,
+        }
+    }
+}
+
+/// Sets the priorities; to be called before anything enables an interrupt.
+pub(super) fn start(nvic: &mut NVIC) {
+    for interrupt in Interrupt::ALL {
+        // SAFETY: no code relies on priorities for exclusion; critical sections mask all interrupts.
+        unsafe { nvic.set_priority(interrupt, interrupt.priority()) }
+    }
+}
+
+/// Lets an interrupt through.
+pub(super) fn enable(interrupt: Interrupt) {
+    // SAFETY: critical sections mask all interrupts, so that this lets none into one.
+    unsafe { NVIC::unmask(interrupt) }
+}
+
+/// Every interrupt comes here: the table of vectors is the runtime's default one.
+#[exception]
+unsafe fn DefaultHandler(number: i16) {
+    match number {
+        2 | 3 => line::UART1.interrupted(),
+        4 | 5 => line::UART2.interrupted(),
+        8 => clock::interrupted(),
+        13 => lan9118::interrupted(),
+        30 => executor::clients(),
+        31 => executor::buses(),
+        _ => panic!("interrupt {number}, which nobody enabled"),
+    }
+}

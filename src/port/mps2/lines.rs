@@ -1,0 +1,40 @@
+//! The lines by the names that they have on the boards.
+
+use core::fmt;
+
+use puente_line::Settings;
+
+use super::line::{Line, UART1, UART2, Uart};
+
+/// The lines that are not open yet.
+pub struct Lines {
+    a: Option<&'static Uart>,
+    b: Option<&'static Uart>,
+}
+
+/// A bus' `port` that this board cannot give it: there is no such line, or another bus has it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BadPort;
+
+impl fmt::Display for BadPort {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("expected \"rs485-a\" or \"rs485-b\", each for one bus")
+    }
+}
+
+impl Lines {
+    /// All lines. Call it once.
+    pub(super) fn new() -> Self {
+        Self { a: Some(&UART1), b: Some(&UART2) }
+    }
+
+    /// Opens `rs485-a` (UART1) or `rs485-b` (UART2), each once.
+    pub fn open(&mut self, port: &str, settings: Settings) -> Result<Line, BadPort> {
+        let uart = match port {
+            "rs485-a" => self.a.take(),
+            "rs485-b" => self.b.take(),
+            _ => None,
+        };
+        uart.map(|uart| Line::new(uart, settings)).ok_or(BadPort)
+    }
+}

@@ -1,0 +1,34 @@
+//! The registers of the board's peripherals (Arm CMSDK, DDI 0479; SMSC LAN9118 data sheet).
+
+/// One peripheral's registers.
+#[derive(Clone, Copy)]
+pub(super) struct Registers(usize);
+
+pub(super) const TIMER0: Registers = Registers(0x4000_0000);
+pub(super) const DUALTIMER: Registers = Registers(0x4000_2000);
+pub(super) const UART1: Registers = Registers(0x4000_5000);
+pub(super) const UART2: Registers = Registers(0x4000_6000);
+pub(super) const ETHERNET: Registers = Registers(0xA000_0000);
+
+impl Registers {
+    /// A peripheral's size in the memory map.
+    const SIZE: usize = 0x1000;
+
+    fn at(self, offset: usize) -> *mut u32 {
+        debug_assert!(offset < Self::SIZE && offset.is_multiple_of(4));
+        (self.0 + offset % Self::SIZE) as *mut u32
+    }
+
+    /// Reads the register at `offset`.
+    pub(super) fn read(self, offset: usize) -> u32 {
+        // SAFETY: the constants above are the only values of this type, each a peripheral whose whole page answers;
+        // none of them accesses memory by itself.
+        unsafe { self.at(offset).read_volatile() }
+    }
+
+    /// Writes the register at `offset`.
+    pub(super) fn write(self, offset: usize, value: u32) {
+        // SAFETY: as for `read`.
+        unsafe { self.at(offset).write_volatile(value) }
+    }
+}

@@ -1,0 +1,154 @@
+//! Runs puente's firmware on QEMU's mps2-an500: its first RS-485 line ends at a TCP port, its network is reached through
+//! forwarded ports of this machine. docs/boards.md says what the emulated board does not model.
+#![deny(missing_docs)]
+
+use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::Arc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// The program, which is also the name of its Debian package.
+pub const QEMU: &str = "qemu-system-arm";
+
+/// How long the firmware may take until it answers, on a slow and busy machine.
+const START: Duration = Duration::from_secs(60);
+/// How often other ports are tried where somebody else was faster.
+const ATTEMPTS: usize = 5;
+
+/// A running board. It ends with this value, and with the thread that started it.
+pub struct Emulator {
+    child: Child,
+    /// Where this machine reaches the firmware's port of every dialect.
+    pub main: SocketAddr,
+    /// Where it reaches the firmware's port of Modbus/TCP alone.
+    pub modbus: SocketAddr,
+}
+
+impl Emulator {
+    /// Starts `image`, an ELF file, and returns when the firmware answers. `line` is where raw bytes of RS-485 a are
+    /// taken and given; `ports` are those of this machine that lead to the firmware's ports 80 and 502, 0 for any free
+    /// one; `log` is called with each line of the firmware's log, from another thread.
+    ///
+    /// The error is a sentence.
+    pub fn start(
+        image: &Path,
+        line: SocketAddr,
+        ports: [u16; 2],
+        log: impl Fn(&str) + Send + Sync + 'static,
+    ) -> Result<Self, String> {
+        let log = Arc::new(log);
+        let mut attempt = 1;
+        loop {
+            let [main, modbus] = free(ports)?;
+            let mut board = Self { child: launch(image, line, [main, modbus], log.clone())?, main, modbus };
+            match board.answers() {
+                Ok(()) => return Ok(board),
+                // A port that was free is not any more.
+                Err(Silent::Ended(_)) if ports.contains(&0) && attempt < ATTEMPTS => attempt += 1,
+                Err(Silent::Ended(status)) => return Err(format!("{QEMU} ended with {status}")),
+                Err(Silent::Late) => return Err(format!("the firmware did not answer within {START:?}")),
+            }
+        }
+    }
+
+    /// Whether QEMU has ended by itself, as it does when the firmware panics.
+    pub fn ended(&mut self) -> Option<ExitStatus> {
+        self.child.try_wait().ok().flatten()
+    }
+
+    /// Waits until QEMU ends.
+    pub fn wait(&mut self) -> std::io::Result<ExitStatus> {
+        self.child.wait()
+    }
+
+    /// QEMU takes connections before the firmware does: only an answer tells that it is there.
+    fn answers(&mut self) -> Result<(), Silent> {
+        let start = Instant::now();
+        while start.elapsed() < START {
+            if let Some(status) = self.ended() {
+                return Err(Silent::Ended(status));
+            }
+            if answers(self.main) {
+                return Ok(());
+            }
+            thread::sleep(Duration::from_millis(20));
+        }
+        Err(Silent::Late)
+    }
+}
+
+impl Drop for Emulator {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Why there is no answer.
+enum Silent {
+    Ended(ExitStatus),
+    Late,
+}
+
+/// Ends a program together with the thread that starts it, however that comes to its end.
+pub fn tie(command: &mut Command) -> &mut Command {
+    let tie = || {
+        rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::TERM))?;
+        Ok(())
+    };
+    // SAFETY: between fork and exec there is one system call, and nothing that allocates or locks.
+    unsafe { command.pre_exec(tie) }
+}
+
+/// The ports of this machine, chosen by the system where they are 0.
+fn free(ports: [u16; 2]) -> Result<[SocketAddr; 2], String> {
+    // Held together, lest the second be the first again.
+    let bind = |port| {
+        TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(|error| format!("port {port}: {error}"))
+    };
+    let held = [bind(ports[0])?, bind(ports[1])?];
+    let address = |held: &TcpListener| held.local_addr().map_err(|error| error.to_string());
+    Ok([address(&held[0])?, address(&held[1])?])
+}
+
+fn launch(
+    image: &Path,
+    line: SocketAddr,
+    [main, modbus]: [SocketAddr; 2],
+    log: Arc<impl Fn(&str) + Send + Sync + 'static>,
+) -> Result<Child, String> {
+    let mut qemu = Command::new(QEMU);
+    qemu.args(["-machine", "mps2-an500", "-display", "none", "-monitor", "none"]);
+    qemu.arg("-netdev")
+        .arg(format!("user,id=n0,restrict=on,hostfwd=tcp:{main}-:80,hostfwd=tcp:{modbus}-:502"));
+    qemu.args(["-net", "nic,model=lan9118,netdev=n0"]);
+    // Without nodelay a small exchange takes 44 ms instead of 1 ms.
+    qemu.arg("-chardev").arg(format!("socket,id=a,host={},port={},nodelay=on", line.ip(), line.port()));
+    qemu.args(["-serial", "null", "-serial", "chardev:a"]);
+    qemu.args(["-semihosting-config", "enable=on,target=native"]).arg("-kernel").arg(image);
+    qemu.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut child = tie(&mut qemu).spawn().map_err(|error| format!("{QEMU}: {error}"))?;
+    if let Some(stderr) = child.stderr.take() {
+        thread::spawn(move || {
+            BufReader::new(stderr).lines().map_while(Result::ok).for_each(|line| log(&line));
+        });
+    }
+    Ok(child)
+}
+
+/// Whether a console command is answered.
+fn answers(main: SocketAddr) -> bool {
+    let ask = || {
+        let mut stream = TcpStream::connect(main)?;
+        stream.set_read_timeout(Some(Duration::from_millis(500)))?;
+        stream.write_all(b"feed\r\n")?;
+        let mut reply = [0; 2];
+        stream.read_exact(&mut reply)?;
+        if &reply == b"ok" { Ok(()) } else { Err(std::io::Error::from(ErrorKind::InvalidData)) }
+    };
+    ask().is_ok()
+}
