@@ -60,7 +60,11 @@ pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) 
         }
         match select3(line.read(&mut buffer), clock::at(wake), work.changed()).await {
             Either3::First(Ok(n)) if n > 0 => {
-                master.receive(clock::now(), buffer.get(..n).unwrap_or_default())
+                master.receive(clock::now(), buffer.get(..n).unwrap_or_default());
+                if current.is_none() {
+                    // Of what comes unasked nothing else tells.
+                    work.counted(master.counters());
+                }
             }
             Either3::First(read) => {
                 master.line_error(clock::now());
