@@ -20,7 +20,7 @@ fn heals<D: Device>(mode: Mode, mut wire: Wire<D>) {
         vec![(Duration::ZERO, frame(mode, unit, &healthy(unit, request)))]
     });
     let gateway = Gateway::start(
-        &(bus("a", mode, fast(), &wire.port(), "units = \"1-3\"\nreply_timeout_ms = 200")
+        &(bus("a", mode, fast(), &wire.port(), "units = \"1-3\"\nreply_timeout_ms = 500")
             + &bus("b", mode, fast(), &other.port(), "units = \"4-6\"")),
     );
     let mut client = Modbus::connect(gateway.main);

@@ -70,7 +70,7 @@ fn a_stop_does_not_wait_for_the_quarantine_of_its_drive() {
 
 #[test]
 fn a_stop_without_confirmation_is_repeated_until_there_is_one() {
-    let rig = Rig::with(Mode::Rtu, 5000, "reply_timeout_ms = 100");
+    let rig = Rig::with(Mode::Rtu, 5000, "reply_timeout_ms = 300");
     let (mut commander, _) = rig.jogging();
     // It hears neither the two writes of this stop nor of its first repetitions.
     assert!(rig.wire.device().set_fault(1, Fault::Silent.times(6)));
@@ -83,7 +83,7 @@ fn a_stop_without_confirmation_is_repeated_until_there_is_one() {
 
 #[test]
 fn a_stop_goes_on_after_the_drive_was_away_for_long() {
-    let rig = Rig::with(Mode::Rtu, 5000, "reply_timeout_ms = 20\nquarantine_ms = 0");
+    let rig = Rig::with(Mode::Rtu, 5000, "reply_timeout_ms = 100\nquarantine_ms = 0");
     let (commander, _) = rig.jogging();
     assert!(rig.wire.device().set_fault(1, Fault::Silent));
     drop(commander);

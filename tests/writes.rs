@@ -8,7 +8,7 @@ use std::thread;
 
 use common::client::{Lines, Modbus, connect, read_pdu, reset, write_pdu};
 use common::rig::{ENABLE, FORWARD, REVERSE, Rig};
-use common::{MODES, ms, until};
+use common::{Ends, MODES, ms, until};
 use puente_cell::Fault;
 use puente_modbus::Mode;
 
@@ -29,13 +29,13 @@ fn lose_next_reply(rig: &Rig) {
 #[test]
 fn a_write_whose_reply_is_lost_is_on_the_wire_once_and_reported_as_sent_without_reply() {
     for mode in MODES {
-        let rig = Rig::with(mode, 250, "reply_timeout_ms = 200");
+        let rig = Rig::with(mode, 250, "reply_timeout_ms = 300");
         let mut console = Lines::connect(rig.gateway.main);
         let mut modbus = Modbus::connect(rig.gateway.modbus);
         let several = [0x10, 0, 0x25, 0, 1, 2, 0, 152];
         for number in 0..4 {
             // Otherwise the drive would be left alone for a while, and the write not sent.
-            assert!(modbus.read(1, SPEED, 1).is_ok());
+            until("the drive answers", || modbus.read(1, SPEED, 1).is_ok());
             lose_next_reply(&rig);
             match number {
                 0 => {
@@ -56,7 +56,7 @@ fn a_write_whose_reply_is_lost_is_on_the_wire_once_and_reported_as_sent_without_
 
 #[test]
 fn a_jog_whose_reply_is_lost_may_be_running_and_is_stopped_at_the_end_of_the_lease() {
-    let rig = Rig::with(Mode::Rtu, 300, "reply_timeout_ms = 200");
+    let rig = Rig::with(Mode::Rtu, 300, "reply_timeout_ms = 300");
     let mut console = Lines::connect(rig.gateway.main);
     console.ok("axis x enable");
     // Status, speed, then the direction, whose reply is lost.
@@ -81,7 +81,7 @@ fn enabling_clears_what_would_make_the_motor_jump() {
 #[test]
 fn an_enable_that_cannot_clear_them_does_not_enable() {
     for number in 1..=2 {
-        let rig = Rig::with(Mode::Rtu, 250, "reply_timeout_ms = 100");
+        let rig = Rig::with(Mode::Rtu, 250, "reply_timeout_ms = 300");
         let fault = Fault::None.times_then(number, Fault::Silent.times(1));
         assert!(rig.wire.device().set_fault(1, fault));
         let mut console = Lines::connect(rig.gateway.main);
@@ -146,6 +146,7 @@ fn a_jog_starts_on_a_line_that_fifteen_others_keep_busy() {
     let rig = Rig::new(Mode::Ascii, 250);
     let running = AtomicBool::new(true);
     thread::scope(|scope| {
+        let _ends = Ends(&running);
         for number in 0..15 {
             let (running, address) = (&running, rig.gateway.main);
             scope.spawn(move || {
@@ -159,7 +160,6 @@ fn a_jog_starts_on_a_line_that_fifteen_others_keep_busy() {
         let mut console = Lines::connect(rig.gateway.main);
         let replies = [console.ask("axis x enable"), console.ask("axis x jog 100")];
         let turned = rig.turns();
-        running.store(false, Ordering::Relaxed);
         assert!(replies.iter().all(|reply| reply.starts_with("ok")) && turned, "{replies:?}");
     });
 }

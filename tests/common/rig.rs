@@ -95,7 +95,11 @@ impl Rig {
     }
 
     pub fn event(&self) -> String {
-        let status = Lines::connect(self.gateway.main).ok("axis x status");
+        let mut status = String::new();
+        until("a status", || {
+            status = Lines::connect(self.gateway.main).ask("axis x status");
+            status.starts_with("ok")
+        });
         value(&status, "event").unwrap_or("none").to_owned()
     }
 }

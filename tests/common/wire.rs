@@ -232,9 +232,9 @@ impl<D: Device> Wire<D> {
         self.log().bytes.clone()
     }
 
-    /// When the slaves last had something on the line.
-    pub fn last_sent(&self) -> Option<Clock> {
-        self.log().sent.last().map(|(at, _)| *at)
+    /// What the slaves sent so far, and when.
+    pub fn sent(&self) -> Vec<(Clock, Vec<u8>)> {
+        self.log().sent.clone()
     }
 
     /// Takes the line away, as when the plug is pulled.
