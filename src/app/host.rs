@@ -9,10 +9,14 @@ use static_cell::StaticCell;
 
 use super::options::{Action, Options, USAGE};
 use super::{bus_task, front_task, line_settings, master, mode, watch_task};
+use crate::clock;
 use crate::front::Gateway;
 use crate::port::host::{Doors, LineSpec, exact_timers};
 use crate::port::{Line, Place, limits};
 use crate::settings::{Bus, Settings};
+
+/// How long the end of the program waits for the drives to confirm their stops.
+const FAREWELL: std::time::Duration = std::time::Duration::from_secs(5);
 
 /// Runs the gateway; comes back only where it does not start, or where it was asked for less.
 pub fn main() -> ExitCode {
@@ -93,11 +97,28 @@ fn run(settings: Settings, lines: Vec<LineSpec>) -> ExitCode {
         Err(error) => return fail(error),
     };
     let gateway = super::build(settings);
+    if let Err(error) = ctrlc::set_handler(move || end(gateway)) {
+        return fail(error);
+    }
     std::thread::spawn(move || buses(gateway, lines));
     if print(&format!("ready http://{main} modbus-tcp://{modbus}\n")) == ExitCode::FAILURE {
         return fail("standard output is closed");
     }
     clients(gateway, doors)
+}
+
+/// Ctrl-C, SIGTERM or SIGHUP: stops the axes that are under a lease, then ends the program.
+fn end(gateway: &Gateway) {
+    gateway.desk.close(clock::now());
+    let deadline = std::time::Instant::now() + FAREWELL;
+    while !gateway.desk.at_rest() && std::time::Instant::now() < deadline {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    if gateway.desk.at_rest() {
+        std::process::exit(0);
+    }
+    log::error!("an axis may still move: its stop was not confirmed");
+    std::process::exit(1);
 }
 
 /// The thread of the buses, so that no client delays them.

@@ -195,7 +195,11 @@ impl Desk {
         holder: Holder,
         hold: Option<Duration>,
     ) -> Result<Permit, Leased> {
-        let hold = hold.unwrap_or_else(|| self.with(|state| state.lease_time));
+        let (lease_time, closed) = self.with(|state| (state.lease_time, state.closed));
+        if closed {
+            return Err(Leased::Stopping);
+        }
+        let hold = hold.unwrap_or(lease_time);
         let permit = self.on_axis(axis, |state| {
             state.refuse_others(holder, now)?;
             if let Stopping::Owed(_) = state.stopping {
@@ -266,14 +270,30 @@ impl Desk {
 
     /// A connection is gone: its axes are to be stopped.
     pub fn leave(&self, now: Instant, connection: u32) {
+        self.lose_all(now, |holder| holder == Holder::Connection(connection));
+    }
+
+    /// The gateway is about to end: every axis under a lease is to be stopped, and none is leased any more.
+    pub fn close(&self, now: Instant) {
+        self.with(|state| state.closed = true);
+        self.lose_all(now, |_| true);
+    }
+
+    fn lose_all(&self, now: Instant, of: impl Fn(Holder) -> bool) {
         self.with(|state| {
             for axis in &mut state.leases {
-                if axis.lease.as_ref().is_some_and(|lease| lease.holder == Holder::Connection(connection)) {
+                if axis.lease.as_ref().is_some_and(|lease| of(lease.holder)) {
                     axis.lose(Cause::Disconnected, now);
                 }
             }
         });
         self.leases_changed.iter().for_each(|signal| signal.signal(()));
+    }
+
+    /// Whether no axis is under a lease, and every stop that was due has been confirmed.
+    pub fn at_rest(&self) -> bool {
+        let rests = |axis: &AxisLease| axis.lease.is_none() && axis.stopping == Stopping::Done;
+        self.with(|state| state.leases.iter().all(rests))
     }
 
     /// Somebody is about to stop an axis in all directions: ends any lease and revokes every permit. Where that leaves

@@ -135,6 +135,8 @@ struct State {
     buses: Vec<Bus, BUSES>,
     leases: [lease::AxisLease; AXES],
     lease_time: Duration,
+    /// No lease is given any more.
+    closed: bool,
 }
 
 /// The desk. One for the whole gateway, shared by every task.
@@ -159,6 +161,7 @@ impl Desk {
                 buses: Vec::new(),
                 leases: [const { lease::AxisLease::new() }; AXES],
                 lease_time: Duration::ZERO,
+                closed: false,
             })),
             work: [const { Signal::new() }; BUSES],
             leases_changed: [const { Signal::new() }; AXES],

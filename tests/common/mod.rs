@@ -75,6 +75,8 @@ pub struct Gateway {
 enum Process {
     Host(Child),
     Board(Emulator),
+    /// The test itself has ended it.
+    Ended,
 }
 
 impl Process {
@@ -83,6 +85,7 @@ impl Process {
         match self {
             Self::Host(child) => child.try_wait().expect("its state"),
             Self::Board(board) => board.ended(),
+            Self::Ended => None,
         }
     }
 }
@@ -145,6 +148,16 @@ impl Gateway {
             panic!("'{ready}' is not the line `ready`; log:\n{}", log.lock().expect("the log"));
         };
         Self { process: Process::Host(child), config, log, main, modbus }
+    }
+
+    /// Ends it by SIGTERM, as a service manager does.
+    pub fn terminate(&mut self) -> ExitStatus {
+        let Process::Host(mut child) = std::mem::replace(&mut self.process, Process::Ended) else {
+            panic!("it runs on this machine");
+        };
+        let kill = Command::new("kill").args(["-TERM", &child.id().to_string()]).status();
+        assert!(kill.expect("kill").success());
+        child.wait().expect("its end")
     }
 
     /// What it has written to stderr.
