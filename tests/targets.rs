@@ -4,7 +4,7 @@
 
 mod common;
 
-use std::io::{Read, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::SocketAddr;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -188,32 +188,32 @@ fn an_axis_whose_commander_closes_is_stopped() {
 fn sixteen_are_served_at_once_and_the_next_may_stop_only() {
     let rig = Rig::on_target();
     let doors = [rig.gateway.main, rig.gateway.modbus];
-    let mut clients: Vec<_> =
-        (0..CLIENTS).map(|number| Modbus::connect(doors[number % doors.len()])).collect();
-    for client in &mut clients {
-        assert_eq!(client.ask(1, &NO_FUNCTION), REFUSED);
+    let mut clients = Vec::new();
+    for number in 0..CLIENTS {
+        let mut client = Modbus::connect(doors[number % doors.len()]);
+        assert_eq!(client.ask(1, &NO_FUNCTION), REFUSED, "client {number}");
+        clients.push(client);
     }
     for (number, client) in clients.iter_mut().enumerate() {
         assert!(client.read(1 + (number % 3) as u8, STATUS, 1).is_ok(), "client {number}");
     }
-    let mut late = Lines::connect(rig.gateway.main);
-    late.error("axis x status", "full");
-    late.ok("axis x stop");
-    drop(late);
+    until("one more is taken in", || answer(rig.gateway.main, "axis x status").starts_with("error full "));
+    until("one more may stop", || answer(rig.gateway.main, "axis x stop").starts_with("ok "));
     drop(clients.pop());
-    until("a place is free", || served(rig.gateway.main));
+    until("a place is free", || answer(rig.gateway.main, "axis x status").starts_with("ok "));
     // Nobody else has noticed.
     for client in &mut clients {
         assert_eq!(client.ask(1, &NO_FUNCTION), REFUSED);
     }
 }
 
-/// Whether a new client is served. A board may also refuse it, while all its places are taken or being cleared.
-fn served(address: SocketAddr) -> bool {
+/// What a new client is answered; nothing where it is refused, as a board may while its last places are being cleared.
+fn answer(address: SocketAddr, command: &str) -> String {
     let mut stream = connect(address);
-    let mut reply = [0; 2];
-    let asked = stream.write_all(b"axis x status\r\n").and_then(|()| stream.read_exact(&mut reply));
-    asked.is_ok() && &reply == b"ok"
+    let mut line = String::new();
+    let asked = stream.write_all(format!("{command}\r\n").as_bytes());
+    let answered = asked.and_then(|()| BufReader::new(stream).read_line(&mut line));
+    answered.map_or(String::new(), |_| line)
 }
 
 #[test]

@@ -18,6 +18,10 @@ const PORTS: [u16; 2] = [8080, 8502];
 
 pub fn run(arguments: &[String]) -> Outcome {
     let mut options = Options::new(arguments);
+    if options.flag("--test") {
+        options.end()?;
+        return test();
+    }
     let mut port = |name, default| match options.value(name)? {
         None => Ok(default),
         Some(text) => text.parse().map_err(|error| format!("{name} {text}: {error}")),

@@ -46,8 +46,8 @@ const COMMANDS: &[Command] = &[
     },
     Command {
         name: "emulate",
-        usage: "[--port N] [--modbus-port N]",
-        does: "run the firmware on an emulated board with simulated drives; port 0 takes a free one",
+        usage: "[--port N] [--modbus-port N] | --test",
+        does: "run the firmware on an emulated board with simulated drives, or the scenarios on it",
         run: emulate::run,
     },
     Command { name: "fuzz", usage: "[--smoke] [TARGET]", does: "run the fuzz targets", run: fuzz::run },
