@@ -31,7 +31,8 @@ impl Axes {
         for (id, axis) in self.addressed(bus, unit) {
             let now = clock::now();
             let busy = |_| Exception::ServerDeviceBusy;
-            match edb::effect(&axis.spec.registers, request) {
+            let effect = edb::effect(&axis.spec.registers, request);
+            match effect {
                 Effect::Read => {}
                 Effect::Stop => {
                     self.desk.revoke_permits(now, id, by.holder);
@@ -47,7 +48,7 @@ impl Axes {
                     ruling.class = Class::Guarded(permit);
                 }
             }
-            if edb::effect(&axis.spec.registers, request) != Effect::Read {
+            if effect != Effect::Read {
                 axis.forget();
             }
         }

@@ -4,9 +4,9 @@ use core::future::poll_fn;
 use core::task::{Context, Poll, ready};
 
 use embassy_futures::select::{Either3, select3};
-use embassy_time::Timer;
 use embedded_io_async::{Read, Write};
 use heapless::Vec;
+use puente_line::Duration;
 use puente_modbus::mbap::{self, Header, HeaderError};
 use puente_modbus::request::Request;
 use puente_modbus::{Exception, Pdu};
@@ -135,9 +135,10 @@ pub(super) async fn serve<R: Read, W: Write>(
             Some(Err(end)) => return end,
             None if inbox.ended() && open.is_empty() => return End::Closed,
             None => {
-                let quiet = open.is_empty().then(|| embassy_time::Instant::now() + idle(gateway));
+                let patience = Duration::from_micros(idle(gateway).as_micros());
+                let quiet = open.is_empty().then(|| clock::now() + patience);
                 let any = poll_fn(|context| poll_any(&mut open, context, &gateway.axes));
-                match select3(any, inbox.fill(), until(quiet)).await {
+                match select3(any, inbox.fill(), clock::at(quiet)).await {
                     Either3::First(reply) => reply,
                     Either3::Second(Ok(())) => None,
                     Either3::Second(Err(end)) => return end,
@@ -150,13 +151,6 @@ pub(super) async fn serve<R: Read, W: Write>(
         {
             return end;
         }
-    }
-}
-
-async fn until(moment: Option<embassy_time::Instant>) {
-    match moment {
-        Some(moment) => Timer::at(moment).await,
-        None => core::future::pending().await,
     }
 }
 
