@@ -8,12 +8,12 @@ use embedded_io_async::{Error, Read, Write};
 #[cfg(not(target_os = "none"))]
 pub mod host;
 #[cfg(not(target_os = "none"))]
-pub use host::{Line, Place, limits};
+pub use host::{Line, Place, limits, restart};
 
 #[cfg(target_os = "none")]
 pub mod embedded;
 #[cfg(target_os = "none")]
-pub use embedded::{Place, limits};
+pub use embedded::{Place, limits, restart};
 
 #[cfg(all(target_os = "none", feature = "mps2-an500"))]
 pub mod mps2;

@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use puente_emulator::Emulator;
+use puente_emulator::{Emulator, Setup};
 use puente_line::Settings;
 use puente_modbus::Mode;
 
@@ -100,7 +100,7 @@ impl Gateway {
             log.push_str(line);
             log.push('\n');
         };
-        let board = Emulator::start(image, line, [0, 0], keep).unwrap_or_else(|error| {
+        let board = Emulator::start(&Setup::new(image, line), keep).unwrap_or_else(|error| {
             panic!("{error}; log:\n{}", log.lock().expect("the log"));
         });
         let (main, modbus) = (board.main, board.modbus);

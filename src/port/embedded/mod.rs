@@ -3,9 +3,11 @@
 mod doors;
 pub mod limits;
 mod net;
+mod restart;
 mod socket;
 
 pub use net::Address;
 pub(super) use net::stack;
+pub use restart::restart;
 pub use socket::{Place, Socket};
 pub(super) use socket::{Ports, places};

@@ -21,5 +21,5 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
 /// A debugger needs a moment to fetch the last line before the memory is written anew.
 fn restart() -> ! {
     cortex_m::asm::delay(40_000_000);
-    cortex_m::peripheral::SCB::sys_reset()
+    crate::port::restart()
 }

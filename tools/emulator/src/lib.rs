@@ -2,14 +2,18 @@
 //! forwarded ports of this machine. docs/boards.md says what the emulated board does not model.
 #![deny(missing_docs)]
 
+mod monitor;
+
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::os::unix::process::CommandExt;
-use std::path::Path;
+use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
+
+use monitor::Monitor;
 
 /// The program, which is also the name of its Debian package.
 pub const QEMU: &str = "qemu-system-arm";
@@ -19,9 +23,36 @@ const START: Duration = Duration::from_secs(60);
 /// How often other ports are tried where somebody else was faster.
 const ATTEMPTS: usize = 5;
 
+/// Where the firmware looks whether the user button is held at start: 1 where it is.
+pub const BUTTON: u32 = 0x203F_F000;
+
+/// What is connected to the board.
+#[derive(Clone)]
+pub struct Setup {
+    /// The firmware, an ELF file.
+    pub image: PathBuf,
+    /// Where raw bytes of RS-485 a and b are taken and given.
+    pub lines: [Option<SocketAddr>; 2],
+    /// The ports of this machine that lead to the firmware's ports 80 and 502; 0 for any free one.
+    pub ports: [u16; 2],
+    /// Who else is on the Ethernet: a listener that QEMU connects to. Each frame comes and goes without its FCS, after
+    /// its length as 4 bytes, the most significant first.
+    pub ethernet: Option<SocketAddr>,
+    /// The user button is held, at every start.
+    pub button: bool,
+}
+
+impl Setup {
+    /// `image` with a device on RS-485 a, on free ports.
+    pub fn new(image: impl Into<PathBuf>, line: SocketAddr) -> Self {
+        Self { image: image.into(), lines: [Some(line), None], ports: [0, 0], ethernet: None, button: false }
+    }
+}
+
 /// A running board. It ends with this value, and with the thread that started it.
 pub struct Emulator {
     child: Child,
+    monitor: Monitor,
     /// Where this machine reaches the firmware's port of every dialect.
     pub main: SocketAddr,
     /// Where it reaches the firmware's port of Modbus/TCP alone.
@@ -29,30 +60,31 @@ pub struct Emulator {
 }
 
 impl Emulator {
-    /// Starts `image`, an ELF file, and returns when the firmware answers. `line` is where raw bytes of RS-485 a are
-    /// taken and given; `ports` are those of this machine that lead to the firmware's ports 80 and 502, 0 for any free
-    /// one; `log` is called with each line of the firmware's log, from another thread.
+    /// Starts the board, and returns when the firmware answers. `log` is called with each line of the firmware's log,
+    /// from another thread.
     ///
     /// The error is a sentence.
-    pub fn start(
-        image: &Path,
-        line: SocketAddr,
-        ports: [u16; 2],
-        log: impl Fn(&str) + Send + Sync + 'static,
-    ) -> Result<Self, String> {
+    pub fn start(setup: &Setup, log: impl Fn(&str) + Send + Sync + 'static) -> Result<Self, String> {
         let log = Arc::new(log);
         let mut attempt = 1;
         loop {
-            let [main, modbus] = free(ports)?;
-            let mut board = Self { child: launch(image, line, [main, modbus], log.clone())?, main, modbus };
+            let ports = free(setup.ports)?;
+            let mut board = launch(setup, ports, log.clone())?;
             match board.answers() {
                 Ok(()) => return Ok(board),
                 // A port that was free is not any more.
-                Err(Silent::Ended(_)) if ports.contains(&0) && attempt < ATTEMPTS => attempt += 1,
+                Err(Silent::Ended(_)) if setup.ports.contains(&0) && attempt < ATTEMPTS => attempt += 1,
                 Err(Silent::Ended(status)) => return Err(format!("{QEMU} ended with {status}")),
                 Err(Silent::Late) => return Err(format!("the firmware did not answer within {START:?}")),
             }
         }
+    }
+
+    /// Gives QEMU a command of its monitor, such as `set_link lan9118.0 off`, and returns what it says.
+    ///
+    /// The error is a sentence.
+    pub fn monitor(&mut self, command: &str) -> Result<String, String> {
+        self.monitor.ask(command).map_err(|error| format!("{QEMU}, {command}: {error}"))
     }
 
     /// Whether QEMU has ended by itself, as it does when the firmware panics.
@@ -116,28 +148,49 @@ fn free(ports: [u16; 2]) -> Result<[SocketAddr; 2], String> {
 }
 
 fn launch(
-    image: &Path,
-    line: SocketAddr,
+    setup: &Setup,
     [main, modbus]: [SocketAddr; 2],
     log: Arc<impl Fn(&str) + Send + Sync + 'static>,
-) -> Result<Child, String> {
+) -> Result<Emulator, String> {
     let mut qemu = Command::new(QEMU);
-    qemu.args(["-machine", "mps2-an500", "-display", "none", "-monitor", "none"]);
+    qemu.args(["-machine", "mps2-an500", "-display", "none", "-monitor", "none", "-qmp", "stdio"]);
     qemu.arg("-netdev")
-        .arg(format!("user,id=n0,restrict=on,hostfwd=tcp:{main}-:80,hostfwd=tcp:{modbus}-:502"));
-    qemu.args(["-net", "nic,model=lan9118,netdev=n0"]);
-    // Without nodelay a small exchange takes 44 ms instead of 1 ms.
-    qemu.arg("-chardev").arg(format!("socket,id=a,host={},port={},nodelay=on", line.ip(), line.port()));
-    qemu.args(["-serial", "null", "-serial", "chardev:a"]);
-    qemu.args(["-semihosting-config", "enable=on,target=native"]).arg("-kernel").arg(image);
-    qemu.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+        .arg(format!("user,id=user,restrict=on,hostfwd=tcp:{main}-:80,hostfwd=tcp:{modbus}-:502"));
+    let nic = match setup.ethernet {
+        None => "user",
+        Some(peer) => {
+            qemu.arg("-netdev").arg(format!("socket,id=peer,connect={peer}"));
+            for (port, netdev) in [("hub-user", ",netdev=user"), ("hub-peer", ",netdev=peer"), ("hub", "")] {
+                qemu.arg("-netdev").arg(format!("hubport,id={port},hubid=0{netdev}"));
+            }
+            "hub"
+        }
+    };
+    qemu.arg("-net").arg(format!("nic,model=lan9118,netdev={nic}"));
+    // UART0 is of no use here.
+    qemu.args(["-serial", "null"]);
+    for (name, line) in ["a", "b"].iter().zip(setup.lines) {
+        let Some(line) = line else {
+            qemu.args(["-serial", "null"]);
+            continue;
+        };
+        // Without nodelay a small exchange takes 44 ms instead of 1 ms.
+        let device = format!("socket,id={name},host={},port={},nodelay=on", line.ip(), line.port());
+        qemu.arg("-chardev").arg(device).arg("-serial").arg(format!("chardev:{name}"));
+    }
+    if setup.button {
+        qemu.arg("-device").arg(format!("loader,addr={BUTTON:#x},data=1,data-len=4"));
+    }
+    qemu.args(["-semihosting-config", "enable=on,target=native"]).arg("-kernel").arg(&setup.image);
+    qemu.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = tie(&mut qemu).spawn().map_err(|error| format!("{QEMU}: {error}"))?;
     if let Some(stderr) = child.stderr.take() {
         thread::spawn(move || {
             BufReader::new(stderr).lines().map_while(Result::ok).for_each(|line| log(&line));
         });
     }
-    Ok(child)
+    let monitor = Monitor::new(child.stdin.take(), child.stdout.take());
+    Ok(Emulator { child, monitor, main, modbus })
 }
 
 /// Whether a console command is answered.

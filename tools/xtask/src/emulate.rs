@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
-use puente_emulator::{Emulator, QEMU, tie};
+use puente_emulator::{Emulator, QEMU, Setup, tie};
 
 use crate::Outcome;
 use crate::board::EMULATED;
@@ -31,7 +31,8 @@ pub fn run(arguments: &[String]) -> Outcome {
     let image = image()?;
     run_command(cargo().args(["build", "--package", "puente-cell", "--bin", "cell", "--quiet"]))?;
     let cell = Cell::start(Command::new(target_dir()?.join("debug/cell")))?;
-    let mut board = Emulator::start(&image, cell.line, ports, |line| eprintln!("{line}"))?;
+    let setup = Setup { ports, ..Setup::new(image, cell.line) };
+    let mut board = Emulator::start(&setup, |line| eprintln!("{line}"))?;
     println!("ready http://{} modbus-tcp://{}", board.main, board.modbus);
     match board.wait() {
         Ok(status) => Err(format!("the board has ended: {QEMU} with {status}")),
