@@ -108,13 +108,3 @@ fn any_word_of_the_commander_renews_its_lease() {
     }
     assert_eq!(rig.event(), "none");
 }
-
-/// The commander goes on feeding its lease: only the end of the gateway can be why the axis stops.
-#[test]
-fn ending_the_gateway_stops_the_axes_first() {
-    let mut rig = Rig::new(Mode::Ascii, 5000);
-    let (_commander, _) = rig.jogging();
-    let ended = rig.gateway.terminate();
-    assert!(ended.success(), "{ended}: {}", rig.gateway.log());
-    assert!(!rig.turns());
-}

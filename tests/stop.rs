@@ -3,7 +3,6 @@
 mod common;
 
 use std::io::Write;
-use std::thread;
 use std::time::Instant;
 
 use common::client::{Lines, Modbus, connect, mbap, read_pdu, reset, write_pdu};
@@ -95,17 +94,4 @@ fn a_stop_goes_on_after_the_drive_was_away_for_long() {
     until("x stands", || !rig.turns());
     assert_eq!(rig.event(), "stop-unconfirmed");
     until("the axis is free", || Lines::connect(rig.gateway.main).ask("axis x jog 10").starts_with("ok"));
-}
-
-#[test]
-fn an_axis_whose_commander_left_while_the_wire_was_pulled_is_stopped_when_it_is_back() {
-    let mut rig = Rig::new(Mode::Rtu, 5000);
-    let (commander, _) = rig.jogging();
-    rig.wire.pull();
-    drop(commander);
-    thread::sleep(ms(300));
-    assert!(rig.turns(), "a real drive goes on too");
-    rig.wire.plug();
-    until("x stands", || !rig.turns());
-    assert!(rig.wire.pdus(1).contains(&write_pdu(FORWARD, 0)));
 }

@@ -19,7 +19,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::OFlags;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
-use super::{ms, scratch};
+use super::{ms, scratch, target};
 
 /// A request with a right check.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -154,32 +154,57 @@ enum End {
     Tcp { listener: TcpListener, client: Option<TcpStream> },
 }
 
-/// A line with a device on it. It lives as long as this value.
+/// A line with a device on it; the gateway is started after it. It lives as long as this value.
 pub struct Wire<D> {
     device: Arc<Mutex<D>>,
     log: Arc<Mutex<Log>>,
     start: Clock,
-    place: Place,
+    pub(super) place: Place,
     thread: Option<(Arc<AtomicBool>, JoinHandle<()>)>,
 }
 
-enum Place {
+/// Where the gateway finds the line.
+#[derive(Clone)]
+pub enum Place {
     Link(PathBuf),
     Tcp(SocketAddr),
 }
 
+impl Place {
+    /// What the settings of the host's gateway call it.
+    pub fn port(&self) -> String {
+        match self {
+            Place::Link(link) => link.to_str().expect("a path").to_owned(),
+            Place::Tcp(address) => format!("tcp:{address}"),
+        }
+    }
+
+    /// Where it is on the network, where it is there.
+    pub fn address(&self) -> Option<SocketAddr> {
+        match self {
+            Place::Link(_) => None,
+            Place::Tcp(address) => Some(*address),
+        }
+    }
+}
+
 impl<D: Device> Wire<D> {
+    /// Where the target has its lines: a pseudo terminal, or the TCP port of a UART.
+    pub fn new(device: D) -> Self {
+        if target().is_board() { Self::tcp(device) } else { Self::pty(device) }
+    }
+
     /// On a pseudo terminal.
     pub fn pty(device: D) -> Self {
-        Self::new(device, Place::Link(scratch("line")))
+        Self::at(device, Place::Link(scratch("line")))
     }
 
     /// On a TCP port, as raw bytes.
     pub fn tcp(device: D) -> Self {
-        Self::new(device, Place::Tcp("127.0.0.1:0".parse().expect("an address")))
+        Self::at(device, Place::Tcp("127.0.0.1:0".parse().expect("an address")))
     }
 
-    fn new(device: D, place: Place) -> Self {
+    fn at(device: D, place: Place) -> Self {
         let log = Log { bytes: Vec::new(), requests: Vec::new(), sent: Vec::new() };
         let mut wire = Self {
             device: Arc::new(Mutex::new(device)),
@@ -190,22 +215,6 @@ impl<D: Device> Wire<D> {
         };
         wire.plug();
         wire
-    }
-
-    /// What the settings call it.
-    pub fn port(&self) -> String {
-        match &self.place {
-            Place::Link(link) => link.to_str().expect("a path").to_owned(),
-            Place::Tcp(address) => format!("tcp:{address}"),
-        }
-    }
-
-    /// Where it is on the network, where it is there.
-    pub fn address(&self) -> Option<SocketAddr> {
-        match self.place {
-            Place::Link(_) => None,
-            Place::Tcp(address) => Some(address),
-        }
     }
 
     /// The device, to look at or to change.
@@ -367,16 +376,16 @@ impl End {
     }
 }
 
-/// A cell of EDB drives on a pseudo terminal.
+/// A cell of EDB drives on a line of the target.
 pub fn cell(mode: Mode, line: Settings, addresses: &[u8]) -> Wire<Cell> {
-    Wire::pty(Cell::new(Config::new(mode, line, addresses)))
+    Wire::new(Cell::new(Config::new(mode, line, addresses)))
 }
 
-/// Slaves on a pseudo terminal that answer as a closure says.
+/// Slaves on a line of the target that answer as a closure says.
 pub fn script(
     mode: Mode,
     line: Settings,
     act: impl FnMut(u8, &[u8]) -> Vec<Chunk> + Send + 'static,
 ) -> Wire<Script> {
-    Wire::pty(Script::new(mode, line, act))
+    Wire::new(Script::new(mode, line, act))
 }

@@ -53,6 +53,10 @@ impl Uart {
         self.writer.wake();
     }
 
+    fn has_received(&self) -> bool {
+        self.registers.read(STATE) & RECEIVE_FULL != 0
+    }
+
     /// Waits until a character has come in.
     async fn received(&self) {
         poll_fn(|context| {
@@ -113,25 +117,32 @@ impl ErrorType for Line {
 
 impl Read for Line {
     /// Waits for a character, and until the line could have carried it. QEMU keeps those that are to follow.
+    ///
+    /// Time that the processor was late counts for them: a line that fell behind its baud rate would give noise without a
+    /// pause later and later, and a reply after it too late.
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
         let Some(to) = buffer.first_mut() else { return Ok(0) };
-        self.uart.received().await;
+        if !self.uart.has_received() {
+            self.uart.received().await;
+            self.complete = self.complete.max(Instant::now());
+        }
         Timer::at(self.complete).await;
         // Nothing waits after this: a future that is dropped before has taken nothing.
         *to = self.uart.registers.read(DATA) as u8 & self.mask;
-        self.complete = Instant::now() + self.character;
+        self.complete += self.character;
         Ok(1)
     }
 }
 
 impl Write for Line {
-    /// Sends all of it, each character in its time.
+    /// Sends all of it, each character in its time. Time that the processor was late counts for those that follow.
     async fn write(&mut self, characters: &[u8]) -> Result<usize, Infallible> {
+        self.free = self.free.max(Instant::now());
         for &character in characters {
             Timer::at(self.free).await;
             self.uart.room().await;
             self.uart.registers.write(DATA, u32::from(character & self.mask));
-            self.free = Instant::now() + self.character;
+            self.free += self.character;
         }
         Ok(characters.len())
     }
