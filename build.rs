@@ -5,9 +5,10 @@ use std::path::Path;
 
 /// Boards, and the memory file of each. The linker finds `memory.x` at the root by itself: it looks in the folder it
 /// is called in first, so that another board's file has to be put in its place by name.
-const BOARDS: [(&str, &str); 3] = [
+const BOARDS: [(&str, &str); 4] = [
     ("NUCLEO_H753ZI", "memory.x"),
     ("NUCLEO_F767ZI", "src/port/nucleo/f767zi.x"),
+    ("NUCLEO_F429ZI", "src/port/nucleo/f429zi.x"),
     ("MPS2_AN500", "src/port/mps2/memory.x"),
 ];
 
@@ -20,7 +21,7 @@ fn main() {
         BOARDS.iter().filter(|(board, _)| env::var_os(format!("CARGO_FEATURE_{board}")).is_some());
     let (Some((_, memory)), None) = (boards.next(), boards.next()) else {
         panic!(
-            "choose one board: --no-default-features --features nucleo-h753zi (or nucleo-f767zi, mps2-an500)"
+            "choose one board: --no-default-features --features nucleo-h753zi (or nucleo-f767zi, nucleo-f429zi, mps2-an500)"
         );
     };
     println!("cargo:rerun-if-changed={memory}");

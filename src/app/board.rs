@@ -2,8 +2,9 @@
 
 use embassy_executor::Spawner;
 
-use super::{bus_task, front_task, line_settings, master, watch_task};
-use crate::port::Board;
+use super::{bus_task, front_task, lamps, line_settings, master, watch_task};
+use crate::front::Gateway;
+use crate::port::{Board, Leds, Network};
 use crate::settings::Settings;
 
 /// Starts the gateway, whose tasks go on after this returns. Call it once, first of all.
@@ -17,6 +18,7 @@ pub fn start(spawner: Spawner) {
     let places = board.places(settings.net.port, settings.net.modbus_port);
     let gateway = super::build(settings);
 
+    let mut broken = false;
     // The buses run above the clients, so that no client delays them.
     for (index, bus) in (0..).zip(&gateway.settings.buses) {
         match board.lines.open(&bus.port, line_settings(bus)) {
@@ -26,7 +28,10 @@ pub fn start(spawner: Spawner) {
                         .expect("one task a bus"),
                 );
             }
-            Err(error) => log::error!("[[bus]] \"{}\" port: {error}", bus.name),
+            Err(error) => {
+                log::error!("[[bus]] \"{}\" port: {error}", bus.name);
+                broken = true;
+            }
         }
     }
     for (axis, _) in gateway.axes.iter() {
@@ -35,6 +40,14 @@ pub fn start(spawner: Spawner) {
     for (seat, place) in (0..).zip(places) {
         spawner.spawn(front_task(gateway, seat, place).expect("one task a place"));
     }
+    let lamps = lamps_task(gateway, board.network(), board.leds, broken);
+    spawner.spawn(lamps.expect("the lamps are started once"));
+}
+
+/// Shows the state of the gateway.
+#[embassy_executor::task]
+async fn lamps_task(gateway: &'static Gateway, network: Network, mut leds: Leds, broken: bool) -> ! {
+    lamps::show(gateway, &mut leds, || network.link(), broken).await
 }
 
 /// The settings of every start, until they can be kept in flash.

@@ -13,17 +13,17 @@ pub use host::{Line, Place, limits, restart};
 #[cfg(target_os = "none")]
 pub mod embedded;
 #[cfg(target_os = "none")]
-pub use embedded::{Place, limits, restart};
+pub use embedded::{Network, Place, limits, restart};
 
 #[cfg(all(target_os = "none", feature = "mps2-an500"))]
 pub mod mps2;
 #[cfg(all(target_os = "none", feature = "mps2-an500"))]
-pub use mps2::{Board, Line, run};
+pub use mps2::{Board, Leds, Line, run};
 
 #[cfg(all(target_os = "none", not(feature = "mps2-an500")))]
 pub mod nucleo;
 #[cfg(all(target_os = "none", not(feature = "mps2-an500")))]
-pub use nucleo::{Board, Line, run};
+pub use nucleo::{Board, Leds, Line, run};
 
 /// Which of the two TCP ports a client came through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,3 +90,31 @@ pub trait Listener {
 /// After an error both methods may be called again: the port reopens the line, waiting where it must. A write that
 /// fails with `NotConnected` has sent nothing; an error of a spoilt character is `InvalidData`.
 pub trait SerialLine: Read + Write {}
+
+/// What the lamps of a board show.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Lights {
+    /// The network is there.
+    pub link: bool,
+    /// Something goes over a bus.
+    pub bus: bool,
+    /// Something is wrong.
+    pub fault: bool,
+}
+
+/// The lamps of a board.
+pub trait Lamps {
+    /// Switches each of them on or off.
+    fn show(&mut self, lights: Lights);
+}
+
+/// How a board is connected to its network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Link {
+    /// No cable, or nobody at its other end.
+    Down,
+    /// Nobody has given the board an address yet.
+    NoAddress,
+    /// It can be reached.
+    Up,
+}

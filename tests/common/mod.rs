@@ -160,6 +160,12 @@ impl Gateway {
         child.wait().expect("its end")
     }
 
+    /// What QEMU's monitor says to a command, of a gateway on an emulated board.
+    pub fn monitor(&mut self, command: &str) -> String {
+        let Process::Board(board) = &mut self.process else { panic!("it runs on no board") };
+        board.monitor(command).expect("an answer")
+    }
+
     /// What it has written to stderr.
     pub fn log(&self) -> String {
         self.log.lock().expect("the log").clone()

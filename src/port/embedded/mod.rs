@@ -6,8 +6,8 @@ mod net;
 mod restart;
 mod socket;
 
-pub use net::Address;
 pub(super) use net::stack;
+pub use net::{Address, Network};
 pub use restart::restart;
 pub use socket::{Place, Socket};
 pub(super) use socket::{Ports, places};

@@ -7,6 +7,7 @@ use embassy_net::{Config, Ipv4Cidr, Runner, Stack, StackResources, StaticConfigV
 use static_cell::StaticCell;
 
 use super::limits::SLOTS;
+use crate::port::Link;
 
 /// The board's address on the network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,4 +33,18 @@ pub(in crate::port) fn stack<D: Driver>(
         dns_servers: Default::default(),
     });
     embassy_net::new(device, config, RESOURCES.init_with(StackResources::new), seed)
+}
+
+/// The board's connection to its network.
+pub struct Network(pub(in crate::port) Stack<'static>);
+
+impl Network {
+    /// Its state.
+    pub fn link(&self) -> Link {
+        match (self.0.is_link_up(), self.0.is_config_up()) {
+            (false, _) => Link::Down,
+            (true, false) => Link::NoAddress,
+            (true, true) => Link::Up,
+        }
+    }
 }

@@ -8,6 +8,7 @@ mod fault;
 mod host;
 mod interrupt;
 mod lan9118;
+mod leds;
 mod line;
 mod lines;
 mod log;
@@ -18,10 +19,11 @@ use embassy_executor::{SendSpawner, Spawner};
 use embassy_net::{Runner, Stack};
 
 pub use executor::run;
+pub use leds::Leds;
 pub use line::Line;
 pub use lines::{BadPort, Lines};
 
-use crate::port::embedded::{self, Address, Place, Ports, limits, places};
+use crate::port::embedded::{self, Address, Network, Place, Ports, limits, places};
 use lan9118::Lan9118;
 
 /// TCP sequence numbers can be guessed here: there is no source of random numbers, and nobody to guess them.
@@ -33,6 +35,8 @@ pub struct Board {
     pub buses: SendSpawner,
     /// The serial lines.
     pub lines: Lines,
+    /// Its LEDs.
+    pub leds: Leds,
     /// The board's MAC address.
     pub mac: [u8; 6],
     stack: Stack<'static>,
@@ -54,7 +58,12 @@ impl Board {
         let (stack, runner) = embedded::stack(device, address, SEED);
         spawner.spawn(network(runner).expect("the network task is started once"));
         spawner.spawn(stack::watch().expect("the watch is started once"));
-        Self { buses: executor::start(), lines: Lines::new(), mac, stack }
+        Self { buses: executor::start(), lines: Lines::new(), leds: Leds, mac, stack }
+    }
+
+    /// The connection to the network.
+    pub fn network(&self) -> Network {
+        Network(self.stack)
     }
 
     /// The places for clients on the main and the Modbus/TCP port. Call it once.

@@ -6,9 +6,19 @@ use embassy_stm32::rcc::{
 use embassy_stm32::time::Hertz;
 use embassy_stm32::{Config, bind_interrupts, peripherals, rng};
 
+pub(super) use embassy_stm32::peripherals::{CAN1, CAN2};
+
 bind_interrupts!(pub(super) struct RandomInterrupt {
     RNG => rng::InterruptHandler<peripherals::RNG>;
 });
+
+/// The pin of LD2, blue.
+macro_rules! ld2 {
+    ($peripherals:ident) => {
+        $peripherals.PB7
+    };
+}
+pub(super) use ld2;
 
 /// 216 MHz processor and buses, 54 and 108 MHz peripherals, 48 MHz for the random numbers, from the 8 MHz that the
 /// ST-LINK supplies.
@@ -31,5 +41,8 @@ pub(super) fn config() -> Config {
     config
 }
 
-/// SRAM2, which holds the Ethernet DMA's memory, is always clocked here.
-pub(super) fn enable_ethernet_memory() {}
+/// Switches the instruction cache on, for flash has wait states; the data cache stays off: see net.rs. All memory is
+/// always clocked here.
+pub(super) fn prepare(core: &mut cortex_m::Peripherals) {
+    core.SCB.enable_icache();
+}

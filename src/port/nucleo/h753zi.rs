@@ -6,9 +6,19 @@ use embassy_stm32::rcc::{
 use embassy_stm32::time::Hertz;
 use embassy_stm32::{Config, bind_interrupts, pac, peripherals, rng};
 
+pub(super) use embassy_stm32::peripherals::{FDCAN1 as CAN1, FDCAN2 as CAN2};
+
 bind_interrupts!(pub(super) struct RandomInterrupt {
     HASH_RNG => rng::InterruptHandler<peripherals::RNG>;
 });
+
+/// The pin of LD2, yellow.
+macro_rules! ld2 {
+    ($peripherals:ident) => {
+        $peripherals.PE1
+    };
+}
+pub(super) use ld2;
 
 /// 400 MHz processor, 200 MHz buses and Ethernet MAC, 100 MHz peripherals, from the 8 MHz that the ST-LINK supplies.
 pub(super) fn config() -> Config {
@@ -34,9 +44,11 @@ pub(super) fn config() -> Config {
     config
 }
 
-/// Clocks SRAM1, which holds the Ethernet DMA's memory and is off after reset (RM0433, RCC_AHB2ENR).
-pub(super) fn enable_ethernet_memory() {
+/// Clocks SRAM1, which holds the Ethernet DMA's memory and is off after reset (RM0433, RCC_AHB2ENR), and switches the
+/// instruction cache on, for flash has wait states. The data cache stays off: see net.rs.
+pub(super) fn prepare(core: &mut cortex_m::Peripherals) {
     pac::RCC.ahb2enr().modify(|enable| enable.set_sram1en(true));
     // The bus needs two of its clocks before the first access; a read back waits for them.
     pac::RCC.ahb2enr().read();
+    core.SCB.enable_icache();
 }

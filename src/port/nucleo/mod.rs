@@ -3,14 +3,19 @@
 //! Interrupt priorities, the most urgent first: USARTs and the clock (0), bus tasks (6), Ethernet (8), then everything
 //! else in thread mode.
 
+mod can;
 mod executor;
 mod fault;
+mod leds;
 mod line;
 mod lines;
 mod log;
 mod mac;
 mod net;
 
+#[cfg(feature = "nucleo-f429zi")]
+#[path = "f429zi.rs"]
+mod board;
 #[cfg(feature = "nucleo-f767zi")]
 #[path = "f767zi.rs"]
 mod board;
@@ -18,16 +23,24 @@ mod board;
 #[path = "h753zi.rs"]
 mod board;
 
+#[cfg(feature = "nucleo-f429zi")]
+#[path = "driver_enable_pin.rs"]
+mod driver_enable;
+#[cfg(not(feature = "nucleo-f429zi"))]
+#[path = "driver_enable_usart.rs"]
+mod driver_enable;
+
 use embassy_executor::{SendSpawner, Spawner};
 use embassy_net::Stack;
 use embassy_stm32::rng::Rng;
 use embassy_stm32::uid;
 
 pub use executor::run;
+pub use leds::Leds;
 pub use line::{Error as LineError, Line};
 pub use lines::{BadPort, Lines};
 
-use crate::port::embedded::{Address, Place, Ports, limits, places};
+use crate::port::embedded::{Address, Network, Place, Ports, limits, places};
 
 /// What the board offers to the application.
 pub struct Board {
@@ -35,6 +48,8 @@ pub struct Board {
     pub buses: SendSpawner,
     /// The RS-485 lines.
     pub lines: Lines,
+    /// Its LEDs.
+    pub leds: Leds,
     /// The board's MAC address.
     pub mac: [u8; 6],
     stack: Stack<'static>,
@@ -48,10 +63,8 @@ impl Board {
     pub fn start(spawner: Spawner, address: Address) -> Self {
         log::start();
         let p = embassy_stm32::init(board::config());
-        board::enable_ethernet_memory();
         if let Some(mut core) = cortex_m::Peripherals::take() {
-            // Flash has wait states. The data cache stays off: see net.rs.
-            core.SCB.enable_icache();
+            board::prepare(&mut core);
         }
         let mut seed = [0; 8];
         Rng::new(p.RNG, board::RandomInterrupt).fill_bytes(&mut seed);
@@ -69,15 +82,22 @@ impl Board {
             txd0: p.PG13,
             txd1: p.PB13,
         };
+        can::reserve(p.PD0, p.PD1, p.PB12, p.PB6);
         Self {
             buses: executor::start(),
             lines: Lines {
                 a: Some(line::a::Parts { usart: p.USART2, tx: p.PD5, rx: p.PD6, de: p.PD4 }),
                 b: Some(line::b::Parts { usart: p.UART7, tx: p.PE8, rx: p.PE7, de: p.PE9 }),
             },
+            leds: Leds::new(p.PB0, board::ld2!(p), p.PB14),
             mac,
             stack: net::start(spawner, ethernet, mac, address, u64::from_le_bytes(seed)),
         }
+    }
+
+    /// The connection to the network.
+    pub fn network(&self) -> Network {
+        Network(self.stack)
     }
 
     /// The places for clients on the main and the Modbus/TCP port. Call it once.
