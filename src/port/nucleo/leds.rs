@@ -1,7 +1,7 @@
 //! The LEDs of the board.
 
 use embassy_stm32::Peri;
-use embassy_stm32::gpio::{Level, Output, Pin, Speed};
+use embassy_stm32::gpio::{AnyPin, Level, Output, Pin, Speed};
 
 use crate::port::{Lamps, Lights};
 
@@ -12,11 +12,11 @@ impl Leds {
     /// All dark.
     pub(super) fn new(
         ld1: Peri<'static, impl Pin>,
-        ld2: Peri<'static, impl Pin>,
+        ld2: Peri<'static, AnyPin>,
         ld3: Peri<'static, impl Pin>,
     ) -> Self {
         let dark = |pin| Output::new(pin, Level::Low, Speed::Low);
-        Self([ld1.into(), ld2.into(), ld3.into()].map(dark))
+        Self([ld1.into(), ld2, ld3.into()].map(dark))
     }
 }
 

@@ -3,6 +3,7 @@
 //! Interrupt priorities, the most urgent first: USARTs and the clock (0), bus tasks (6), Ethernet (8), then everything
 //! else in thread mode.
 
+mod calibration;
 mod can;
 mod executor;
 mod fault;
@@ -12,6 +13,7 @@ mod lines;
 mod log;
 mod mac;
 mod net;
+mod temperature;
 
 #[cfg(feature = "nucleo-f429zi")]
 #[path = "f429zi.rs"]
@@ -32,13 +34,15 @@ mod driver_enable;
 
 use embassy_executor::{SendSpawner, Spawner};
 use embassy_net::Stack;
+use embassy_stm32::gpio::AnyPin;
 use embassy_stm32::rng::Rng;
-use embassy_stm32::uid;
+use embassy_stm32::{Peri, uid};
 
 pub use executor::run;
 pub use leds::Leds;
 pub use line::{Error as LineError, Line};
 pub use lines::{BadPort, Lines};
+pub use temperature::temperature;
 
 use crate::port::embedded::{Address, Network, Place, Ports, limits, places};
 
@@ -55,6 +59,12 @@ pub struct Board {
     stack: Stack<'static>,
 }
 
+/// What is not in the same place on every board.
+struct Own {
+    ld2: Peri<'static, AnyPin>,
+    adc: Peri<'static, board::TemperatureAdc>,
+}
+
 impl Board {
     /// 192.168.1.111/24, the address of the thesis' gateway.
     pub const ADDRESS: Address = Address { ip: [192, 168, 1, 111], prefix: 24, gateway: None };
@@ -66,6 +76,7 @@ impl Board {
         if let Some(mut core) = cortex_m::Peripherals::take() {
             board::prepare(&mut core);
         }
+        let own = board::own!(p);
         let mut seed = [0; 8];
         Rng::new(p.RNG, board::RandomInterrupt).fill_bytes(&mut seed);
         let mac = mac::from_unique_id(&uid::uid());
@@ -82,6 +93,8 @@ impl Board {
             txd0: p.PG13,
             txd1: p.PB13,
         };
+        let temperature = temperature::watch(own.adc);
+        spawner.spawn(temperature.expect("the temperature is watched once"));
         can::reserve(p.PD0, p.PD1, p.PB12, p.PB6);
         Self {
             buses: executor::start(),
@@ -89,7 +102,7 @@ impl Board {
                 a: Some(line::a::Parts { usart: p.USART2, tx: p.PD5, rx: p.PD6, de: p.PD4 }),
                 b: Some(line::b::Parts { usart: p.UART7, tx: p.PE8, rx: p.PE7, de: p.PE9 }),
             },
-            leds: Leds::new(p.PB0, board::ld2!(p), p.PB14),
+            leds: Leds::new(p.PB0, own.ld2, p.PB14),
             mac,
             stack: net::start(spawner, ethernet, mac, address, u64::from_le_bytes(seed)),
         }
