@@ -13,11 +13,12 @@ const SLOW: u32 = 10;
 /// and twice.
 const FAST: u32 = 5;
 
-/// Shows the state of the gateway, for ever. `broken`: a part of it has failed, and will not work before the next start.
-pub async fn show(gateway: &Gateway, lamps: &mut impl Lamps, link: impl Fn() -> Link, broken: bool) -> ! {
+/// Shows the state of the gateway, for ever. It is not `whole` where a part of it has failed, which then will not work
+/// before the next start.
+pub async fn show(gateway: &Gateway, lamps: &mut impl Lamps, link: impl Fn() -> Link, whole: bool) -> ! {
     let mut panel = Panel::default();
     loop {
-        let fault = if broken { Fault::Lasting } else { fault(gateway) };
+        let fault = if whole { fault(gateway) } else { Fault::Lasting };
         lamps.show(panel.next(link(), transactions(gateway), fault));
         Timer::after(STEP).await;
     }
