@@ -27,7 +27,7 @@ pub use executor::run;
 pub use line::{Error as LineError, Line};
 pub use lines::{BadPort, Lines};
 
-use crate::port::embedded::{Address, Place, Ports, limits, places};
+use crate::port::embedded::{Address, Place, Ports, join, limits, places};
 
 /// What the board offers to the application.
 pub struct Board {
@@ -41,12 +41,9 @@ pub struct Board {
 }
 
 impl Board {
-    /// 192.168.1.111/24, the address of the thesis' gateway.
-    pub const ADDRESS: Address = Address { ip: [192, 168, 1, 111], prefix: 24, gateway: None };
-
     /// Starts clocks, network and executors. Call it once, first of all.
     #[inline(never)]
-    pub fn start(spawner: Spawner, address: Address) -> Self {
+    pub fn start(spawner: Spawner) -> Self {
         log::start();
         let p = embassy_stm32::init(board::config());
         board::enable_ethernet_memory();
@@ -77,8 +74,14 @@ impl Board {
                 b: Some(line::b::Parts { usart: p.UART7, tx: p.PE8, rx: p.PE7, de: p.PE9 }),
             },
             mac,
-            stack: net::start(spawner, ethernet, mac, address, u64::from_le_bytes(seed)),
+            stack: net::start(spawner, ethernet, mac, u64::from_le_bytes(seed)),
         }
+    }
+
+    /// Gets an address, and makes itself known with these TCP ports. Call it once.
+    pub fn join(&self, spawner: Spawner, address: Address, main: u16, modbus: u16) {
+        let join = join(self.stack, address, Ports { main, modbus });
+        spawner.spawn(join.expect("the network is joined once"));
     }
 
     /// The places for clients on the main and the Modbus/TCP port. Call it once.
