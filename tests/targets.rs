@@ -241,28 +241,36 @@ fn malformed_modbus_tcp_disturbs_nobody_else() {
     assert!(other.read(1, STATUS, 1).is_ok());
 }
 
+/// How a client uses a connection that it makes for one request.
+#[derive(Clone, Copy)]
+enum Manner {
+    Modbus,
+    Http,
+    Console,
+}
+
 /// A connection for each request, as many programs do. None is refused, reset, or answered wrong.
-///
-/// The host takes clients from its backlog before it learns that others have gone, and counts both for a moment.
-#[test]
-fn eight_clients_that_always_reconnect_are_never_refused() {
-    let rig = Rig::on_target_with("clients = 64");
+fn eight_reconnect(manners: [Manner; 8]) {
+    let rig = Rig::on_target();
     let time = Duration::from_secs(if on_board() { 30 } else { 3 });
     let start = Instant::now();
     let visits: Vec<u32> = thread::scope(|scope| {
-        let clients: Vec<_> = (0..8_u8)
-            .map(|number| {
-                let address = if number % 2 == 0 { rig.gateway.main } else { rig.gateway.modbus };
-                scope.spawn(move || {
-                    let mut visits = 0;
-                    while start.elapsed() < time {
-                        visit(address, number, visits);
-                        visits += 1;
+        let client = |(number, manner): (u8, Manner)| {
+            let gateway = &rig.gateway;
+            scope.spawn(move || {
+                let mut visits = 0;
+                while start.elapsed() < time {
+                    match manner {
+                        Manner::Modbus => visit(gateway.modbus, number, visits),
+                        Manner::Http => assert_eq!(get(gateway.main, "/nothing").0, "HTTP/1.1 404 Not Found"),
+                        Manner::Console => assert_eq!(Lines::connect(gateway.main).ask("feed"), "ok"),
                     }
-                    visits
-                })
+                    visits += 1;
+                }
+                visits
             })
-            .collect();
+        };
+        let clients: Vec<_> = (0..).zip(manners).map(client).collect();
         clients.into_iter().map(|client| client.join().expect("no refusal")).collect()
     });
     println!("visits of each client in {time:?}: {visits:?}");
@@ -279,6 +287,23 @@ fn visit(address: SocketAddr, client: u8, visit: u32) {
     } else {
         assert_eq!(modbus.ask(unit, &NO_FUNCTION), REFUSED, "client {client}, visit {visit}");
     }
+}
+
+#[test]
+fn eight_clients_that_always_reconnect_are_never_refused_at_the_modbus_port() {
+    eight_reconnect([Manner::Modbus; 8]);
+}
+
+#[test]
+fn eight_clients_that_always_reconnect_are_never_refused_at_the_main_port() {
+    use Manner::{Console, Http};
+    eight_reconnect([Http, Console, Http, Console, Http, Console, Http, Console]);
+}
+
+#[test]
+fn eight_clients_that_always_reconnect_are_never_refused_at_both_ports() {
+    use Manner::{Console, Http, Modbus};
+    eight_reconnect([Modbus, Http, Modbus, Console, Modbus, Http, Modbus, Console]);
 }
 
 /// The lamps of the emulated board, as its register has them: link, bus, fault.

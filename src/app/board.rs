@@ -5,6 +5,7 @@ use static_cell::StaticCell;
 
 use super::{bus_task, front_task, lamps, line_settings, master, watch_task};
 use crate::front::Gateway;
+use crate::port::embedded::Address;
 use crate::port::{Board, Leds, Network, Place};
 use crate::settings::Settings;
 
@@ -16,20 +17,28 @@ static SETTINGS: StaticCell<Settings> = StaticCell::new();
 #[inline(never)]
 pub fn start(spawner: Spawner) {
     let settings = SETTINGS.init_with(settings);
-    let mut board = Board::start(spawner, Board::ADDRESS);
-    log::info!("puente {} at {}, MAC {:02x?}", env!("CARGO_PKG_VERSION"), settings.net.bind, board.mac);
+    let mut board = Board::start(spawner);
+    log::info!("puente {}, MAC {:02x?}", env!("CARGO_PKG_VERSION"), board.mac);
     let gateway = super::build(settings);
     let whole = buses(gateway, &mut board);
     clients(gateway, &board, spawner);
+    let net = &gateway.settings.net;
+    board.join(spawner, address(), net.port, net.modbus_port);
     let lamps = lamps_task(gateway, board.network(), board.leds, whole);
     spawner.spawn(lamps.expect("the lamps are started once"));
+}
+
+/// How the board gets its address, until that can be set.
+#[inline(never)]
+fn address() -> Address {
+    let hostname = heapless::String::try_from("puente").unwrap_or_default();
+    Address { dhcp: true, ip: [192, 168, 1, 111], prefix: 24, router: None, hostname }
 }
 
 /// The settings of every start, until they can be kept in flash.
 #[inline(never)]
 fn settings() -> Settings {
     let mut settings = Settings::factory("rs485-a");
-    settings.net.bind = Board::ADDRESS.ip.into();
     settings.net.port = 80;
     settings.net.modbus_port = 502;
     settings

@@ -23,7 +23,7 @@ pub use leds::Leds;
 pub use line::Line;
 pub use lines::{BadPort, Lines};
 
-use crate::port::embedded::{self, Address, Network, Place, Ports, limits, places};
+use crate::port::embedded::{self, Address, Network, Place, Ports, join, limits, places};
 use lan9118::Lan9118;
 
 /// TCP sequence numbers can be guessed here: there is no source of random numbers, and nobody to guess them.
@@ -43,12 +43,9 @@ pub struct Board {
 }
 
 impl Board {
-    /// 10.0.2.15/24, where QEMU's user network expects its guest.
-    pub const ADDRESS: Address = Address { ip: [10, 0, 2, 15], prefix: 24, gateway: Some([10, 0, 2, 2]) };
-
     /// Starts clock, network and executors. Call it once, first of all.
     #[inline(never)]
-    pub fn start(spawner: Spawner, address: Address) -> Self {
+    pub fn start(spawner: Spawner) -> Self {
         log::start();
         if let Some(mut core) = cortex_m::Peripherals::take() {
             interrupt::start(&mut core.NVIC);
@@ -56,7 +53,7 @@ impl Board {
         clock::start();
         let device = Lan9118::start();
         let mac = device.mac();
-        let (stack, runner) = embedded::stack(device, address, SEED);
+        let (stack, runner) = embedded::stack(device, SEED);
         spawner.spawn(network(runner).expect("the network task is started once"));
         spawner.spawn(stack::watch().expect("the watch is started once"));
         Self { buses: executor::start(), lines: Lines::new(), leds: Leds, mac, stack }
@@ -65,6 +62,12 @@ impl Board {
     /// The connection to the network.
     pub fn network(&self) -> Network {
         Network(self.stack)
+    }
+
+    /// Gets an address, and makes itself known with these TCP ports. Call it once.
+    pub fn join(&self, spawner: Spawner, address: Address, main: u16, modbus: u16) {
+        let join = join(self.stack, address, Ports { main, modbus });
+        spawner.spawn(join.expect("the network is joined once"));
     }
 
     /// The places for clients on the main and the Modbus/TCP port. Call it once.

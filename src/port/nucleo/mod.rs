@@ -44,7 +44,7 @@ pub use line::{Error as LineError, Line};
 pub use lines::{BadPort, Lines};
 pub use temperature::temperature;
 
-use crate::port::embedded::{Address, Network, Place, Ports, limits, places};
+use crate::port::embedded::{Address, Network, Place, Ports, join, limits, places};
 
 /// What the board offers to the application.
 pub struct Board {
@@ -66,12 +66,9 @@ struct Own {
 }
 
 impl Board {
-    /// 192.168.1.111/24, the address of the thesis' gateway.
-    pub const ADDRESS: Address = Address { ip: [192, 168, 1, 111], prefix: 24, gateway: None };
-
     /// Starts clocks, network and executors. Call it once, first of all.
     #[inline(never)]
-    pub fn start(spawner: Spawner, address: Address) -> Self {
+    pub fn start(spawner: Spawner) -> Self {
         log::start();
         let p = embassy_stm32::init(board::config());
         if let Some(mut core) = cortex_m::Peripherals::take() {
@@ -105,13 +102,19 @@ impl Board {
             },
             leds: Leds::new(p.PB0, own.ld2, p.PB14),
             mac,
-            stack: net::start(spawner, ethernet, mac, address, u64::from_le_bytes(seed)),
+            stack: net::start(spawner, ethernet, mac, u64::from_le_bytes(seed)),
         }
     }
 
     /// The connection to the network.
     pub fn network(&self) -> Network {
         Network(self.stack)
+    }
+
+    /// Gets an address, and makes itself known with these TCP ports. Call it once.
+    pub fn join(&self, spawner: Spawner, address: Address, main: u16, modbus: u16) {
+        let join = join(self.stack, address, Ports { main, modbus });
+        spawner.spawn(join.expect("the network is joined once"));
     }
 
     /// The places for clients on the main and the Modbus/TCP port. Call it once.
