@@ -2,8 +2,12 @@
 
 use embassy_executor::Spawner;
 
+use super::vital::feeder_task;
 use super::{bus_task, front_task, line_settings, master, watch_task};
-use crate::port::Board;
+use crate::clock;
+use crate::front::Gateway;
+use crate::port::record::Reset;
+use crate::port::{self, Board};
 use crate::settings::Settings;
 
 /// Starts the gateway, whose tasks go on after this returns. Call it once, first of all.
@@ -16,6 +20,7 @@ pub fn start(spawner: Spawner) {
     log::info!("puente {} at {}, MAC {:02x?}", env!("CARGO_PKG_VERSION"), settings.net.bind, board.mac);
     let places = board.places(settings.net.port, settings.net.modbus_port);
     let gateway = super::build(settings);
+    resume(gateway, board.moving);
 
     // The buses run above the clients, so that no client delays them.
     for (index, bus) in (0..).zip(&gateway.settings.buses) {
@@ -34,6 +39,16 @@ pub fn start(spawner: Spawner) {
     }
     for (seat, place) in (0..).zip(places) {
         spawner.spawn(front_task(gateway, seat, place).expect("one task a place"));
+    }
+    spawner.spawn(feeder_task(gateway).expect("one feeder"));
+}
+
+/// Tells why the board has started, and has the axes stopped that may have moved when it was reset.
+fn resume(gateway: &Gateway, moving: u32) {
+    let Some(history) = port::history().filter(|history| history.cause != Reset::PowerOn) else { return };
+    log::warn!("started after {}", history.cause.name());
+    for (axis, _) in gateway.axes.iter().filter(|(axis, _)| moving >> axis & 1 != 0) {
+        gateway.desk.restarted(clock::now(), axis);
     }
 }
 

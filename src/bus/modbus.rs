@@ -3,6 +3,7 @@
 use embassy_futures::select::{Either3, select3};
 use embassy_time::Timer;
 use embedded_io_async::{Error, ErrorKind};
+use puente_line::Duration;
 use puente_modbus::{Action, Config, Master};
 
 use super::{End, Haste, Next, Ticket, Work};
@@ -11,6 +12,10 @@ use crate::port::SerialLine;
 
 /// Keeps a dead port from being asked in a tight loop.
 const RETRY: embassy_time::Duration = embassy_time::Duration::from_millis(100);
+/// An idle pump shows life so often,
+const SIGN: Duration = Duration::from_millis(500);
+/// and may be late by this: more than a pause of [`RETRY`], or than anything above it takes of the processor.
+const LATE: Duration = Duration::from_millis(500);
 
 /// Moves jobs from `work` over `line`, for ever.
 pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) -> ! {
@@ -21,6 +26,7 @@ pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) 
         let now = clock::now();
         match master.poll(now) {
             Action::Transmit(frame) => {
+                work.alive(now + config.line.wire_time(frame.len()) + LATE);
                 if let Err(error) = send(line, frame).await {
                     master = Master::new(config);
                     let untouched = error.kind() == ErrorKind::NotConnected;
@@ -58,7 +64,10 @@ pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) 
                 Next::Wait(at) => wake = [wake, at].into_iter().flatten().min(),
             }
         }
-        match select3(line.read(&mut buffer), clock::at(wake), work.changed()).await {
+        let sign = now + SIGN;
+        let wake = wake.map_or(sign, |wake| wake.min(sign));
+        work.alive(sign + LATE);
+        match select3(line.read(&mut buffer), clock::at(Some(wake)), work.changed()).await {
             Either3::First(Ok(n)) if n > 0 => {
                 master.receive(clock::now(), buffer.get(..n).unwrap_or_default());
                 if current.is_none() {

@@ -20,7 +20,7 @@ pub struct Address {
 }
 
 /// The stack, and what has to run for it. `seed` makes TCP sequence numbers hard to guess. Call it once.
-pub(in crate::port) fn stack<D: Driver>(
+pub(in crate::port) fn network<D: Driver>(
     device: D,
     address: Address,
     seed: u64,

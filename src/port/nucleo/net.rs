@@ -9,7 +9,7 @@ use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::peripherals::{ETH, ETH_SMA, PA1, PA2, PA7, PB13, PC1, PC4, PC5, PG11, PG13};
 use embassy_stm32::{Peri, bind_interrupts, interrupt};
 
-use crate::port::embedded::{Address, stack};
+use crate::port::embedded::{Address, network};
 
 bind_interrupts!(struct Interrupts {
     ETH => eth::InterruptHandler;
@@ -74,7 +74,7 @@ pub(super) fn start(
         parts.mdio,
         parts.mdc,
     );
-    let (stack, runner) = stack(device, address, seed);
+    let (stack, runner) = network(device, address, seed);
     spawner.spawn(run(runner).expect("the network task is started once"));
     stack
 }
