@@ -96,7 +96,7 @@ fn run(settings: Settings, lines: Vec<LineSpec>) -> ExitCode {
         Ok(addresses) => addresses,
         Err(error) => return fail(error),
     };
-    let gateway = super::build(settings);
+    let gateway = super::build(Box::leak(Box::new(settings)));
     if let Err(error) = ctrlc::set_handler(move || end(gateway)) {
         return fail(error);
     }
@@ -127,7 +127,7 @@ fn buses(gateway: &'static Gateway, lines: Vec<LineSpec>) -> ! {
     EXECUTOR.init(Executor::new()).run(|spawner| {
         for ((index, spec), bus) in (0..).zip(lines).zip(&gateway.settings.buses) {
             spawner.spawn(
-                bus_task(gateway.desk, index, Line::new(spec), master(&gateway.settings, bus))
+                bus_task(gateway.desk, index, Line::new(spec), master(gateway.settings, bus))
                     .expect("one task a bus"),
             );
         }

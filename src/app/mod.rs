@@ -24,7 +24,8 @@ static DESK: Desk = Desk::new();
 static GATEWAY: StaticCell<Gateway> = StaticCell::new();
 
 /// Builds the gateway; once a process. The settings must have passed [`Settings::check`].
-pub fn build(settings: Settings) -> &'static Gateway {
+#[inline(never)]
+pub fn build(settings: &'static Settings) -> &'static Gateway {
     let buses = settings.buses.iter().map(|bus| BusSpec {
         units: bus.units,
         queue_timeout: millis(bus.queue_timeout_ms),

@@ -73,7 +73,7 @@ pub(super) async fn jog(
     link: &Link<'_>,
     registers: &Registers,
     permit: Permit,
-    known: Known,
+    known: &Known,
     rpm: i16,
 ) -> Result<(), AxisError> {
     let class = Class::Motion(permit);

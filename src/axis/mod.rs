@@ -255,7 +255,7 @@ impl Axes {
         if known.jog == Jog::At(speed) && known.enabled == Some(true) {
             return Ok(());
         }
-        let result = edb::jog(&self.link(axis, by.seat), &axis.spec.registers, permit, known, speed).await;
+        let result = edb::jog(&self.link(axis, by.seat), &axis.spec.registers, permit, &known, speed).await;
         match result {
             Ok(()) if self.desk.moving(clock::now(), permit) => axis.update(|known| {
                 known.enabled = Some(true);

@@ -36,9 +36,10 @@ pub(super) async fn serve<R: Read, W: Write>(
     let mut reply = Reply::new();
     loop {
         reply.clear();
-        match take_line(gateway, guest, inbox, &mut skipping, &mut reply) {
-            Some(mut task) => {
-                if let Err(end) = carry_out(gateway, guest, inbox, &mut task, &mut reply).await {
+        let mut line = take_line(gateway, guest, inbox, &mut skipping, &mut reply);
+        match &mut line {
+            Some(task) => {
+                if let Err(end) = carry_out(gateway, guest, inbox, task, &mut reply).await {
                     return end;
                 }
             }

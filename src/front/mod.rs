@@ -33,7 +33,7 @@ const SLOW_READER: embassy_time::Duration = embassy_time::Duration::from_secs(5)
 /// What every connection works with.
 pub struct Gateway {
     /// The settings in force.
-    pub settings: Settings,
+    pub settings: &'static Settings,
     /// The desk.
     pub desk: &'static Desk,
     /// The axes.
@@ -48,7 +48,7 @@ pub struct Gateway {
 
 impl Gateway {
     /// A gateway with these settings, and with the axes that they name. Call it once.
-    pub fn new(settings: Settings, desk: &'static Desk, axes: Axes) -> Self {
+    pub fn new(settings: &'static Settings, desk: &'static Desk, axes: Axes) -> Self {
         Self {
             settings,
             desk,

@@ -185,11 +185,11 @@ impl Call<'_> {
             let _ = errors.push(self.read(id).await);
         }
         reply.put(format_args!("[")).await?;
-        for ((id, _), error) in self.gateway.axes.iter().zip(errors) {
+        for (id, error) in (0..).zip(&errors) {
             if id > 0 {
                 reply.put(format_args!(",")).await?;
             }
-            self.axis(id, error, reply).await?;
+            self.axis(id, *error, reply).await?;
         }
         reply.put(format_args!("]")).await?;
         Ok(reply.finish().await?)
@@ -206,9 +206,14 @@ impl Call<'_> {
         error: Option<AxisError>,
         reply: &mut Reply<'_, W>,
     ) -> Result<(), Fault> {
+        let view = self.view(id, error)?;
+        Ok(reply.json(&view).await?)
+    }
+
+    fn view(&self, id: u8, error: Option<AxisError>) -> Result<view::Axis<'_>, AxisError> {
         let axes = &self.gateway.axes;
         let axis = axes.get(id)?;
-        let found = view::Findings {
+        Ok(view::Axis::new(&view::Findings {
             now: clock::now(),
             spec: &axis.spec,
             drive: self.gateway.settings.axes.get(usize::from(id)).map_or("", |axis| axis.drive.name()),
@@ -216,8 +221,7 @@ impl Call<'_> {
             lease: axes.leased(id),
             event: axes.event(id),
             error,
-        };
-        Ok(reply.json(&view::Axis::new(&found)).await?)
+        }))
     }
 
     async fn command(&self, id: u8, action: Action) -> Result<(), AxisError> {

@@ -4,7 +4,7 @@ use core::net::Ipv4Addr;
 
 use embassy_net::driver::Driver;
 use embassy_net::{Config, Ipv4Cidr, Runner, Stack, StackResources, StaticConfigV4};
-use static_cell::StaticCell;
+use static_cell::ConstStaticCell;
 
 use super::limits::SLOTS;
 
@@ -25,11 +25,12 @@ pub(in crate::port) fn network<D: Driver>(
     address: Address,
     seed: u64,
 ) -> (Stack<'static>, Runner<'static, D>) {
-    static RESOURCES: StaticCell<StackResources<{ SLOTS + 1 }>> = StaticCell::new();
+    static RESOURCES: ConstStaticCell<StackResources<{ SLOTS + 1 }>> =
+        ConstStaticCell::new(StackResources::new());
     let config = Config::ipv4_static(StaticConfigV4 {
         address: Ipv4Cidr::new(Ipv4Addr::from(address.ip), address.prefix),
         gateway: address.gateway.map(Ipv4Addr::from),
         dns_servers: Default::default(),
     });
-    embassy_net::new(device, config, RESOURCES.init_with(StackResources::new), seed)
+    embassy_net::new(device, config, RESOURCES.take(), seed)
 }

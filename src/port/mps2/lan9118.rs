@@ -5,6 +5,7 @@ use core::task::Context;
 
 use embassy_net::driver::{Capabilities, Driver, HardwareAddress, LinkState, RxToken, TxToken};
 use embassy_sync::waitqueue::AtomicWaker;
+use static_cell::ConstStaticCell;
 
 use super::interrupt::{Interrupt, enable};
 use super::registers::ETHERNET;
@@ -122,13 +123,15 @@ impl Frame {
 pub(super) struct Lan9118 {
     mac: [u8; 6],
     link: LinkState,
-    received: Frame,
-    sent: Frame,
+    received: &'static mut Frame,
+    sent: &'static mut Frame,
 }
 
 impl Lan9118 {
     /// Starts it. Call it once.
     pub(super) fn start() -> Self {
+        static RECEIVED: ConstStaticCell<Frame> = ConstStaticCell::new(Frame([0; WORDS]));
+        static SENT: ConstStaticCell<Frame> = ConstStaticCell::new(Frame([0; WORDS]));
         let ([m0, m1, m2, m3], [m4, m5, ..]) = (mac_read(ADDRL).to_le_bytes(), mac_read(ADDRH).to_le_bytes());
         ETHERNET.write(FIFO_INT, LEVELS);
         ETHERNET.write(TX_CFG, TX_ON);
@@ -139,8 +142,8 @@ impl Lan9118 {
         Self {
             mac: [m0, m1, m2, m3, m4, m5],
             link: LinkState::Down,
-            received: Frame([0; WORDS]),
-            sent: Frame([0; WORDS]),
+            received: RECEIVED.take(),
+            sent: SENT.take(),
         }
     }
 
@@ -182,12 +185,12 @@ impl Driver for Lan9118 {
             ETHERNET.write(INT_EN, RSFL | PHY);
         }
         let length = self.fetch()?;
-        Some((Received(self.received.bytes().get_mut(..length)?), Sending(&mut self.sent)))
+        Some((Received(self.received.bytes().get_mut(..length)?), Sending(self.sent)))
     }
 
     /// QEMU hands a frame on as soon as it is whole: there is always room.
     fn transmit(&mut self, _: &mut Context<'_>) -> Option<Sending<'_>> {
-        Some(Sending(&mut self.sent))
+        Some(Sending(self.sent))
     }
 
     fn link_state(&mut self, context: &mut Context<'_>) -> LinkState {

@@ -47,6 +47,7 @@ impl Board {
     pub const ADDRESS: Address = Address { ip: [10, 0, 2, 15], prefix: 24, gateway: Some([10, 0, 2, 2]) };
 
     /// Starts clock, network and executors. Call it once, first of all.
+    #[inline(never)]
     pub fn start(spawner: Spawner, address: Address) -> Self {
         let moving = vital::begin(None);
         log::start();

@@ -50,6 +50,7 @@ impl Board {
     pub const ADDRESS: Address = Address { ip: [192, 168, 1, 111], prefix: 24, gateway: None };
 
     /// Starts clocks, network and executors. Call it once, first of all.
+    #[inline(never)]
     pub fn start(spawner: Spawner, address: Address) -> Self {
         let moving = vital::begin(Some(reset::cause()));
         log::start();
