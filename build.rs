@@ -50,7 +50,7 @@ fn commit(root: &str) -> Option<String> {
         let output = Command::new("git").args(["-C", root, "rev-parse"]).args(arguments).output().ok()?;
         output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim_end().to_owned())
     };
-    if git(&["--show-prefix"])? != "" {
+    if !git(&["--show-prefix"])?.is_empty() {
         return None;
     }
     // This file changes with every commit and checkout. Where there is none, an old commit may stay.

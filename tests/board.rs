@@ -141,9 +141,27 @@ fn a_bus_that_waits_for_ever_is_found_and_its_axis_stopped() {
 }
 
 #[test]
+fn a_restart_on_purpose_stops_what_moves() {
+    let rig = Rig::on_target();
+    let (commander, _) = rig.jogging();
+    let mut stream = commander.stream();
+    stream.write_all(b"debug restart\r\n").expect("sent");
+    rig.stop_after(Instant::now());
+    let system = system(&rig, 1);
+    assert_eq!((&system["reset"], &system["last_panic"]), (&Value::from("software"), &Value::Null));
+    assert_eq!(rig.event(), "gateway-restarted");
+}
+
+#[test]
 fn resets_are_counted_and_the_last_panic_stays() {
     let mut rig = Rig::on_target();
     rig.gateway.will_fail();
+    let mut client = Lines::connect(rig.gateway.main);
+    client.ok("axis y enable");
+    client.ok("axis y jog 100");
+    client.ok("axis y stop");
+    drop(client);
+    let before = rig.wire.requests().len();
     for (resets, hook, reset) in [(1, "debug panic", "panic"), (2, "debug restart", "software")] {
         Lines::connect(rig.gateway.main).send(hook);
         assert_eq!(system(&rig, resets)["reset"], reset);
@@ -154,9 +172,9 @@ fn resets_are_counted_and_the_last_panic_stays() {
         (&system["reset"], &system["last_panic"]["cause"]),
         (&Value::from("pin"), &Value::from("panic"))
     );
-    // Nobody had moved an axis.
+    // None moved when the board was reset.
     assert_eq!(rig.event(), "none");
-    assert!(rig.wire.requests().iter().all(|request| request.pdu[0] == 3), "nothing was written");
+    assert!(rig.wire.requests()[before..].iter().all(|request| request.pdu[0] == 3), "nothing was written");
 }
 
 #[test]

@@ -97,3 +97,99 @@ fn finish(work: &impl Work, current: &mut Option<Ticket>, end: End<'_>) {
         work.finish(clock::now(), ticket, end);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use core::cell::{Cell, RefCell};
+    use core::convert::Infallible;
+    use core::pin::pin;
+    use core::task::{Context, Waker};
+
+    use embedded_io_async::{ErrorType, Read, Write};
+    use puente_line::Instant;
+    use puente_modbus::{Counters, Echo, Mode, Pdu};
+
+    use super::super::Job;
+    use super::*;
+
+    /// A line on which nothing is ever sent or received.
+    struct Dead;
+
+    impl ErrorType for Dead {
+        type Error = Infallible;
+    }
+
+    impl Read for Dead {
+        async fn read(&mut self, _: &mut [u8]) -> Result<usize, Infallible> {
+            core::future::pending().await
+        }
+    }
+
+    impl Write for Dead {
+        async fn write(&mut self, _: &[u8]) -> Result<usize, Infallible> {
+            core::future::pending().await
+        }
+
+        async fn flush(&mut self) -> Result<(), Infallible> {
+            Ok(())
+        }
+    }
+
+    impl SerialLine for Dead {}
+
+    /// One job, or none; and the last sign of life.
+    struct Work(RefCell<Option<Job>>, Cell<Option<Instant>>);
+
+    impl super::Work for Work {
+        fn next(&self, _: Instant, _: impl Fn(u8, Haste) -> Instant) -> Next {
+            self.0.borrow_mut().take().map_or(Next::Wait(None), Next::Job)
+        }
+
+        async fn changed(&self) {
+            core::future::pending().await
+        }
+
+        fn finish(&self, _: Instant, _: Ticket, _: End<'_>) {}
+
+        fn counted(&self, _: Counters) {}
+
+        fn alive(&self, until: Instant) {
+            self.1.set(Some(until));
+        }
+    }
+
+    /// Until when a pump that has no job, or one, says that it will show life again.
+    fn word(job: Option<Job>) -> core::time::Duration {
+        let line = puente_line::Settings { baud: 9600, format: "8O1".parse().expect("a format") };
+        let none = Duration::ZERO;
+        let config = Config {
+            line,
+            mode: Mode::Ascii,
+            silence: none,
+            reply_timeout: Duration::from_secs(60),
+            turnaround: none,
+            rest: none,
+            quarantine: none,
+            echo: Echo::Off,
+        };
+        let work = Work(RefCell::new(job), Cell::new(None));
+        let mut dead = Dead;
+        let before = clock::now();
+        assert!(
+            pin!(pump(&mut dead, config, &work)).poll(&mut Context::from_waker(Waker::noop())).is_pending()
+        );
+        work.1.get().expect("a sign of life").since(before)
+    }
+
+    /// Whoever waits for ever, for whatever it is, has said when that is too long.
+    #[test]
+    fn a_pump_says_until_when_it_shows_life_again() {
+        let idle = word(None);
+        assert!((SIGN + LATE..SIGN + LATE + Duration::from_secs(10)).contains(&idle), "{idle:?}");
+        let pdu = Pdu::from_slice(&[3, 0, 0, 0, 1]).expect("short");
+        let sending = word(Some(Job { ticket: Ticket(0), unit: 1, haste: Haste::None, pdu }));
+        // 17 characters of 11 bits.
+        let least = Duration::from_micros(17 * 11 * 1_000_000 / 9600) + LATE;
+        assert!((least..least + Duration::from_secs(10)).contains(&sending), "{sending:?}");
+    }
+}

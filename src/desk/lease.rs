@@ -143,6 +143,11 @@ impl AxisLease {
         Self { epoch: 0, lease: None, stopping, event: None, standstill: None, may_move: false }
     }
 
+    #[cfg(test)]
+    pub(super) fn may_move(&self) -> bool {
+        self.may_move
+    }
+
     /// Nobody moves it, and the last stop that was due has been confirmed.
     fn rests(&self) -> bool {
         self.lease.is_none() && self.stopping == Stopping::Done

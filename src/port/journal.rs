@@ -182,7 +182,7 @@ mod tests {
             }
             let (mut expected, mut fits) = (std::string::String::new(), true);
             for line in lines.iter().rev() {
-                fits = fits && expected.len() + line.len() + 1 <= 100;
+                fits = fits && expected.len() + line.len() < 100;
                 if fits {
                     expected = format!("{line}\n{expected}");
                 }

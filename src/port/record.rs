@@ -10,7 +10,17 @@ use heapless::String;
 pub const TEXT: usize = 120;
 /// Tells a record of this layout from whatever else may be in the memory.
 const MAGIC: u32 = 0x7075_6501;
-const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+
+/// The check value of words and a text.
+#[inline(never)]
+fn check(words: &[u32], text: &[u8]) -> u32 {
+    const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+    let mut digest = CRC.digest();
+    for byte in words.iter().flat_map(|word| word.to_le_bytes()).chain(text.iter().copied()) {
+        digest.update(&[byte]);
+    }
+    digest.finalize()
+}
 
 /// Why a board has started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,11 +114,7 @@ impl Head {
 
     fn sum(&self) -> u32 {
         let Self { magic, cause, resets, reason, moving, alive_ms: [low, high], check: _ } = *self;
-        let mut digest = CRC.digest();
-        for word in [magic, cause, resets, reason, moving, low, high] {
-            digest.update(&word.to_le_bytes());
-        }
-        digest.finalize()
+        check(&[magic, cause, resets, reason, moving, low, high], &[])
     }
 
     fn sound(&self) -> bool {
@@ -190,12 +196,7 @@ impl Note {
 
     fn sum(&self) -> u32 {
         let Self { cause, uptime_ms: [low, high], length, text, check: _ } = self;
-        let mut digest = CRC.digest();
-        for word in [MAGIC, *cause, *low, *high, *length] {
-            digest.update(&word.to_le_bytes());
-        }
-        digest.update(text);
-        digest.finalize()
+        check(&[MAGIC, *cause, *low, *high, *length], text)
     }
 
     /// The incident, where there is one.

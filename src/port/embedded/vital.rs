@@ -23,19 +23,30 @@ fn record() -> *mut Record {
     (&raw mut RECORD).cast()
 }
 
-fn read<T>(part: *const T) -> T {
-    // SAFETY: a part of the record, which is words and bytes: whatever the memory holds is a value of them. Volatile,
-    // for the compiler believes that nothing is there before the first write.
-    unsafe { part.read_volatile() }
+fn read<T: Copy>(part: *const T) -> T {
+    let mut value = MaybeUninit::<T>::uninit();
+    copy(part.cast(), value.as_mut_ptr().cast(), size_of::<T>() / size_of::<u32>());
+    // SAFETY: all of it has been copied; a part of the record is words and bytes, of which any memory is a value.
+    unsafe { value.assume_init() }
+}
+
+/// Copies words of the record. Volatile, for the compiler believes that nothing is there before the first write, and that
+/// nobody reads what is there before a reset.
+#[inline(never)]
+fn copy(from: *const u32, to: *mut u32, words: usize) {
+    for word in 0..words {
+        // SAFETY: the callers have a part of the record and a value of its type, which are words throughout; no reference
+        // to the record is ever made.
+        unsafe { to.add(word).write_volatile(from.add(word).read_volatile()) }
+    }
 }
 
 /// Changes a part of the record.
-fn change<T>(part: *mut T, f: impl FnOnce(T) -> T) {
+fn change<T: Copy>(part: *mut T, f: impl FnOnce(T) -> T) {
+    const { assert!(align_of::<T>() == align_of::<u32>() && size_of::<T>().is_multiple_of(4)) }
     cortex_m::interrupt::free(|_| {
         let changed = f(read(part));
-        // SAFETY: as for `read`; no reference to the record is ever made. Volatile, for no code may read it again
-        // before the reset.
-        unsafe { part.write_volatile(changed) }
+        copy((&raw const changed).cast(), part.cast(), size_of::<T>() / size_of::<u32>());
     });
     // The STM32H7's memory holds the last write back if it was narrower than its 64 bits, until one to another word: a
     // reset would lose it.
