@@ -3,10 +3,13 @@
 use embassy_executor::Spawner;
 use static_cell::StaticCell;
 
+use super::vital::feeder_task;
 use super::{bus_task, front_task, lamps, line_settings, master, watch_task};
+use crate::clock;
 use crate::front::Gateway;
 use crate::port::embedded::Address;
-use crate::port::{Board, Leds, Network, Place};
+use crate::port::record::Reset;
+use crate::port::{self, Board, Leds, Network, Place};
 use crate::settings::Settings;
 
 static SETTINGS: StaticCell<Settings> = StaticCell::new();
@@ -20,11 +23,13 @@ pub fn start(spawner: Spawner) {
     let mut board = Board::start(spawner);
     log::info!("puente {}, MAC {:02x?}", env!("CARGO_PKG_VERSION"), board.mac);
     let gateway = super::build(settings);
+    resume(gateway, board.moving);
     let whole = buses(gateway, &mut board);
-    clients(gateway, &board, spawner);
+    clients(gateway, &board.network, spawner);
     let net = &gateway.settings.net;
-    board.join(spawner, address(), net.port, net.modbus_port);
-    let lamps = lamps_task(gateway, board.network(), board.leds, whole);
+    board.network.join(spawner, address(), net.port, net.modbus_port);
+    spawner.spawn(feeder_task(gateway).expect("one feeder"));
+    let lamps = lamps_task(gateway, board.network, board.leds, whole);
     spawner.spawn(lamps.expect("the lamps are started once"));
 }
 
@@ -33,6 +38,16 @@ pub fn start(spawner: Spawner) {
 fn address() -> Address {
     let hostname = heapless::String::try_from("puente").unwrap_or_default();
     Address { dhcp: true, ip: [192, 168, 1, 111], prefix: 24, router: None, hostname }
+}
+
+/// Tells why the board has started, and has the axes stopped that may have moved when it was reset.
+#[inline(never)]
+fn resume(gateway: &Gateway, moving: u32) {
+    let Some(history) = port::history().filter(|history| history.cause != Reset::PowerOn) else { return };
+    log::warn!("started after {}", history.cause.name());
+    for (axis, _) in gateway.axes.iter().filter(|(axis, _)| moving >> axis & 1 != 0) {
+        gateway.desk.restarted(clock::now(), axis);
+    }
 }
 
 /// The settings of every start, until they can be kept in flash.
@@ -72,9 +87,9 @@ fn bus(gateway: &'static Gateway, board: &mut Board, index: u8) -> bool {
 }
 
 #[inline(never)]
-fn clients(gateway: &'static Gateway, board: &Board, spawner: Spawner) {
+fn clients(gateway: &'static Gateway, network: &Network, spawner: Spawner) {
     let net = &gateway.settings.net;
-    for (seat, place) in (0..).zip(board.places(net.port, net.modbus_port)) {
+    for (seat, place) in (0..).zip(network.places(net.port, net.modbus_port)) {
         client(gateway, spawner, seat, place);
     }
 }
