@@ -15,11 +15,12 @@ use puente_modbus::Mode;
 use super::wire::{self, Wire};
 use super::{Document, board, client, ms, scratch, target, thesis, until};
 
-/// A running gateway; it ends with the test, which fails where the gateway has ended or panicked before.
+/// A running gateway; it ends with the test, which fails where the gateway has ended or failed before.
 pub struct Gateway {
     process: Process,
     config: Option<PathBuf>,
     log: Log,
+    fails: bool,
     /// The port of every dialect.
     pub main: SocketAddr,
     /// The port of Modbus/TCP alone.
@@ -127,7 +128,7 @@ impl Gateway {
             thread::sleep(ms(50));
             panic!("'{ready}' is not the line `ready`; log:\n{}", log.text());
         };
-        Self { process: Process::Host(child), config, log, main, modbus, ports, _cell: None }
+        Self { process: Process::Host(child), config, log, fails: false, main, modbus, ports, _cell: None }
     }
 
     fn on_board(image: &Path, document: &Document) -> Self {
@@ -152,7 +153,16 @@ impl Gateway {
         let board = Emulator::start(setup, move |line| lines.push(line))
             .unwrap_or_else(|error| panic!("{error}; log:\n{}", log.text()));
         let (main, modbus) = (board.main, board.modbus);
-        Self { process: Process::Board(board), config: None, log, main, modbus, ports, _cell: None }
+        Self {
+            process: Process::Board(board),
+            config: None,
+            log,
+            fails: false,
+            main,
+            modbus,
+            ports,
+            _cell: None,
+        }
     }
 
     /// Ends it by SIGTERM, as a service manager does. On the host alone.
@@ -163,6 +173,19 @@ impl Gateway {
         let kill = Command::new("kill").args(["-TERM", &child.id().to_string()]).status();
         assert!(kill.expect("kill").success());
         child.wait().expect("its end")
+    }
+
+    /// Gives the emulator a command of its monitor.
+    pub fn monitor(&mut self, command: &str) -> String {
+        match &mut self.process {
+            Process::Board(board) => board.monitor(command).expect("an answer"),
+            Process::Host(_) | Process::Ended => panic!("there is no emulator"),
+        }
+    }
+
+    /// It is going to fail, as this test wants it to.
+    pub fn will_fail(&mut self) {
+        self.fails = true;
     }
 
     /// What it has logged.
@@ -192,7 +215,9 @@ impl Drop for Gateway {
             eprintln!("log of the gateway:\n{log}");
         } else {
             assert!(ended.is_none(), "the gateway has ended by itself: {ended:?}\n{log}");
-            assert!(!log.contains("panicked"), "{log}");
+            // A board that fails starts anew.
+            let failed = ["panicked", "started after watchdog"].iter().any(|sign| log.contains(sign));
+            assert_eq!(failed, self.fails, "{log}");
         }
     }
 }

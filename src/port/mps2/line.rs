@@ -11,6 +11,8 @@ use puente_line::Settings;
 
 use super::interrupt::{Interrupt, enable};
 use super::registers::{self, Registers};
+#[cfg(feature = "test-hooks")]
+use crate::port::embedded::hooks;
 
 const DATA: usize = 0x00;
 const STATE: usize = 0x04;
@@ -122,6 +124,8 @@ impl Read for Line {
     /// pause later and later, and a reply after it too late.
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
         let Some(to) = buffer.first_mut() else { return Ok(0) };
+        #[cfg(feature = "test-hooks")]
+        hooks::reading();
         if !self.uart.has_received() {
             self.uart.received().await;
             self.complete = self.complete.max(Instant::now());
@@ -137,6 +141,8 @@ impl Read for Line {
 impl Write for Line {
     /// Sends all of it, each character in its time. Time that the processor was late counts for those that follow.
     async fn write(&mut self, characters: &[u8]) -> Result<usize, Infallible> {
+        #[cfg(feature = "test-hooks")]
+        hooks::writing().await;
         self.free = self.free.max(Instant::now());
         for &character in characters {
             Timer::at(self.free).await;
