@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use common::client::{Lines, Modbus, figure, reset, send_and_close};
 use common::rig::{ENABLE, FORWARD, REVERSE, Rig};
-use common::{MODES, ms, until};
+use common::{MODES, ms, target, until};
 use puente_modbus::Mode;
 
 const BUSY: Result<(), u8> = Err(0x06);
@@ -107,8 +107,8 @@ fn a_modbus_stop_of_anyone_stops_the_axis_whichever_direction_it_names() {
         let (mut commander, _) = rig.jogging();
         assert_eq!(rig.modbus().write(1, register, 0), Ok(()));
         until("x stands", || !rig.turns());
-        assert_eq!(rig.event(), "stopped-by-other");
         commander.error("axis x jog 100", "standstill");
+        assert_eq!(rig.event(), "stopped-by-other");
     }
 }
 
@@ -155,8 +155,8 @@ fn everyone_may_stop_in_every_dialect() {
         let (mut commander, _) = rig.jogging();
         stop(&rig);
         until(what, || !rig.turns());
-        assert_eq!(rig.event(), "stopped-by-other", "{what}");
         commander.error("axis x jog 100", "standstill");
+        assert_eq!(rig.event(), "stopped-by-other", "{what}");
     }
 }
 
@@ -196,7 +196,7 @@ fn an_http_jog_ends_with_its_hold_time_whatever_else_its_client_asks() {
     keeps_turning(&rig, ms(250), || assert_eq!(http(&rig, "GET /metrics", "").0, 200));
     let (before, late) = rig.stop_after(confirmed);
     println!("HTTP: stop {late:?} after the reply to a jog with hold_ms 400");
-    assert!(before <= 2 && late > ms(300), "{before} frames, {late:?}");
+    assert!(before <= target().frames_before_stop && late > ms(300), "{before} frames, {late:?}");
     assert_eq!(rig.event(), "lease-expired");
 }
 

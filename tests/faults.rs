@@ -330,7 +330,7 @@ fn a_line_that_is_never_silent_stalls_nobody_for_ever() {
                 .collect(),
             _ => vec![(Duration::ZERO, frame(mode, unit, &healthy(unit, request)))],
         });
-        let gateway = Document::new().bus("a", mode, thesis(), &wire, "reply_timeout_ms = 100").start();
+        let gateway = Document::new().bus("a", mode, thesis(), &wire, "reply_timeout_ms = 300").start();
         let mut client = Modbus::connect(gateway.main);
         assert_eq!(client.read(FAULTY, 1, 1), NO_REPLY);
         assert_eq!(client.read(HEALTHY, 1, 1), Ok(values(HEALTHY, 1, 1)), "{mode:?}");

@@ -82,7 +82,7 @@ fn a_stop_without_confirmation_is_repeated_until_there_is_one() {
 
 #[test]
 fn a_stop_goes_on_after_the_drive_was_away_for_long() {
-    let rig = Rig::with(Mode::Rtu, 5000, "reply_timeout_ms = 100\nquarantine_ms = 0");
+    let rig = Rig::with(Mode::Rtu, 5000, "reply_timeout_ms = 300\nquarantine_ms = 0");
     let (commander, _) = rig.jogging();
     assert!(rig.wire.device().set_fault(1, Fault::Silent));
     drop(commander);

@@ -1,19 +1,27 @@
 //! The settings of a gateway that is to be started.
 
 use std::fmt::Write as _;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use puente_line::Settings;
 use puente_modbus::Mode;
 
-use super::Gateway;
 use super::wire::{Place, Wire};
+use super::{Gateway, target};
 
 /// A settings document without what depends on the target: where its lines and its network are.
-#[derive(Clone, Default)]
+#[derive(Default)]
 pub struct Document {
     net: String,
-    buses: Vec<(Place, String)>,
+    buses: Vec<Bus>,
     axes: String,
+}
+
+struct Bus {
+    place: Place,
+    live: Arc<AtomicBool>,
+    keys: String,
 }
 
 impl Document {
@@ -34,10 +42,13 @@ impl Document {
             Mode::Ascii => "modbus-ascii",
         };
         let Settings { baud, format } = line;
-        let keys = format!(
+        let mut keys = format!(
             "name = \"{name}\"\nprotocol = \"{protocol}\"\nbaud = {baud}\nformat = \"{format}\"\n{more}\n"
         );
-        self.buses.push((wire.place.clone(), keys));
+        if !more.contains("reply_timeout_ms") {
+            let _ = writeln!(keys, "reply_timeout_ms = {}", target().reply_timeout_ms);
+        }
+        self.buses.push(Bus { place: wire.place.clone(), live: wire.live.clone(), keys });
         self
     }
 
@@ -57,14 +68,19 @@ impl Document {
 
     /// Where its lines end.
     pub(super) fn places(&self) -> impl Iterator<Item = &Place> {
-        self.buses.iter().map(|(place, _)| place)
+        self.buses.iter().map(|bus| &bus.place)
+    }
+
+    /// Puts the devices on its lines, where a board has had those of its factory.
+    pub(super) fn go_live(&self) {
+        self.buses.iter().for_each(|bus| bus.live.store(true, Ordering::Relaxed));
     }
 
     /// The whole of it, with the target's names of the lines.
     pub(super) fn text(&self, ports: &[String]) -> String {
         let mut text = format!("[net]\n{}", self.net);
-        for ((_, keys), port) in self.buses.iter().zip(ports) {
-            let _ = writeln!(text, "[[bus]]\nport = \"{port}\"\n{keys}");
+        for (bus, port) in self.buses.iter().zip(ports) {
+            let _ = writeln!(text, "[[bus]]\nport = \"{port}\"\n{}", bus.keys);
         }
         text + &self.axes
     }

@@ -5,6 +5,7 @@ use std::io::{BufRead, BufReader};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 use std::thread;
 
@@ -95,6 +96,7 @@ impl Gateway {
     pub fn factory_on<D>(wire: &Wire<D>) -> Self {
         let image = target().image.as_ref().expect("a board");
         let line = wire.place.address().expect("a port");
+        wire.live.store(true, Ordering::Relaxed);
         Self::emulate(&Setup::new(image, line), vec![board::LINES[0].into()])
     }
 
@@ -141,6 +143,7 @@ impl Gateway {
         let gateway = Self::emulate(&setup, ports);
         let settings = board::json(&document.text(&gateway.ports));
         board::put(gateway.main, &settings);
+        document.go_live();
         until("it starts anew", || gateway.log.starts() == 2);
         assert!(board::has(gateway.main, &settings), "other settings than {settings}");
         gateway

@@ -19,6 +19,11 @@ pub struct Target {
     pub pipeline: usize,
     /// Requests that may be under way at once without one being refused, where ten clients have an equal part in them.
     pub room: usize,
+    /// Frames that may come between the loss of a commander and the stop: the one in progress, and those that begin while
+    /// the gateway learns of the loss, which takes an emulated processor longer.
+    pub frames_before_stop: usize,
+    /// Where a scenario does not say otherwise. An emulated processor may have to wait for a real one at each character.
+    pub reply_timeout_ms: u32,
 }
 
 impl Target {
@@ -43,8 +48,22 @@ impl Target {
 /// The one of this run.
 pub fn target() -> &'static Target {
     static TARGET: LazyLock<Target> = LazyLock::new(|| match std::env::var_os("PUENTE_IMAGE") {
-        Some(image) => Target { image: Some(image.into()), clients: 16, pipeline: 4, room: 20 },
-        None => Target { image: None, clients: 64, pipeline: 16, room: 80 },
+        Some(image) => Target {
+            image: Some(image.into()),
+            clients: 16,
+            pipeline: 4,
+            room: 20,
+            frames_before_stop: 4,
+            reply_timeout_ms: 1500,
+        },
+        None => Target {
+            image: None,
+            clients: 64,
+            pipeline: 16,
+            room: 80,
+            frames_before_stop: 2,
+            reply_timeout_ms: 500,
+        },
     });
     &TARGET
 }

@@ -19,7 +19,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::OFlags;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
-use super::{ms, scratch, target};
+use super::{ms, scratch, target, thesis};
 
 /// A request with a right check.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -160,6 +160,8 @@ pub struct Wire<D> {
     log: Arc<Mutex<Log>>,
     start: Clock,
     pub(super) place: Place,
+    /// Whether the device is on it. Until then it hears nothing of what a board with other settings says.
+    pub(super) live: Arc<AtomicBool>,
     thread: Option<(Arc<AtomicBool>, JoinHandle<()>)>,
 }
 
@@ -211,6 +213,7 @@ impl<D: Device> Wire<D> {
             log: Arc::new(Mutex::new(log)),
             start: Clock::now(),
             place,
+            live: Arc::new(AtomicBool::new(!target().is_board())),
             thread: None,
         };
         wire.plug();
@@ -274,8 +277,12 @@ impl<D: Device> Wire<D> {
         };
         let running = Arc::new(AtomicBool::new(true));
         let (device, log, start) = (self.device.clone(), self.log.clone(), self.start);
-        let goes_on = running.clone();
-        let thread = thread::spawn(move || serve(end, &device, &log, start, &goes_on));
+        let (live, goes_on) = (self.live.clone(), running.clone());
+        let thread = thread::spawn(move || {
+            let mut end = end;
+            let first = before(&mut end, start, &live, &goes_on);
+            serve(end, &first, &device, &log, start, &goes_on);
+        });
         self.thread = Some((running, thread));
     }
 }
@@ -305,10 +312,45 @@ fn open_pty() -> (End, String) {
     (End::Pty { master: master.into(), far: far.expect("its far side") }, path)
 }
 
-fn serve<D: Device>(mut end: End, device: &Mutex<D>, log: &Mutex<Log>, start: Clock, goes_on: &AtomicBool) {
+/// Refuses all that a board asks with its factory settings, until the line is live: the sooner it has its answers, the
+/// sooner it takes others. Returns the first bytes after that.
+fn before(end: &mut End, start: Clock, live: &AtomicBool, goes_on: &AtomicBool) -> Vec<u8> {
+    let now = || Instant::from_micros(start.elapsed().as_micros() as u64);
+    let mut refusal = Script::new(Mode::Ascii, thesis(), |unit, request| {
+        vec![(Duration::ZERO, frame(Mode::Ascii, unit, &[request[0] | 0x80, 1]))]
+    });
+    let mut buffer = [0; 256];
+    while goes_on.load(Ordering::Relaxed) && !live.load(Ordering::Relaxed) {
+        if let Some(bytes) = refusal.poll(now()) {
+            end.write(&bytes);
+            continue;
+        }
+        let wait = refusal.poll_at().map_or(ms(20), |at| at.since(now()).min(ms(20)));
+        let count = end.read(&mut buffer, wait);
+        if live.load(Ordering::Relaxed) {
+            return buffer[..count].to_vec();
+        }
+        refusal.receive(now(), &buffer[..count]);
+    }
+    Vec::new()
+}
+
+fn serve<D: Device>(
+    mut end: End,
+    first: &[u8],
+    device: &Mutex<D>,
+    log: &Mutex<Log>,
+    start: Clock,
+    goes_on: &AtomicBool,
+) {
     let now = || Instant::from_micros(start.elapsed().as_micros() as u64);
     let clock = |at: Instant| start + Duration::from_micros(at.as_micros());
     let mut buffer = [0; 4096];
+    let take = |bytes: &[u8]| {
+        log.lock().expect("the log").bytes.extend(bytes);
+        device.lock().expect("the device").receive(now(), bytes);
+    };
+    take(first);
     while goes_on.load(Ordering::Relaxed) {
         let (bytes, requests, at) = {
             let mut device = device.lock().expect("the device");
@@ -325,8 +367,7 @@ fn serve<D: Device>(mut end: End, device: &Mutex<D>, log: &Mutex<Log>, start: Cl
         let wait = at.map_or(ms(20), |at| at.since(now()).min(ms(20)));
         let count = end.read(&mut buffer, wait);
         if count > 0 {
-            log.lock().expect("the log").bytes.extend(&buffer[..count]);
-            device.lock().expect("the device").receive(now(), &buffer[..count]);
+            take(&buffer[..count]);
         }
     }
 }
