@@ -5,16 +5,15 @@ use std::io::{BufRead, BufReader};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 use std::thread;
 
 use puente_cell::Cell;
 use puente_emulator::{Emulator, Setup};
-use puente_modbus::Mode;
 
-use super::wire::{self, Wire};
-use super::{Document, board, client, ms, scratch, target, thesis, until};
+use super::rig::Rig;
+use super::wire::Wire;
+use super::{Document, board, client, ms, scratch, target, until};
 
 /// A running gateway; it ends with the test, which fails where the gateway has ended or failed before.
 pub struct Gateway {
@@ -76,7 +75,7 @@ impl Gateway {
     /// Starts with these settings, on ports that the system chooses.
     pub fn start(document: &Document) -> Self {
         match &target().image {
-            Some(image) => Self::on_board(image, document),
+            Some(image) => Self::on_board_with(image, document),
             None => Self::on_host(document),
         }
     }
@@ -86,18 +85,9 @@ impl Gateway {
         if !target().is_board() {
             return Self::run(None, vec!["sim".into()]);
         }
-        let cell = wire::cell(Mode::Ascii, thesis(), &[1, 2, 3]);
-        let mut gateway = Self::factory_on(&cell);
-        gateway._cell = Some(cell);
+        let Rig { wire, mut gateway } = Rig::on_board(|_| {});
+        gateway._cell = Some(wire);
         gateway
-    }
-
-    /// Starts a board with its factory settings, whose drives are on this wire.
-    pub fn factory_on<D>(wire: &Wire<D>) -> Self {
-        let image = target().image.as_ref().expect("a board");
-        let line = wire.place.address().expect("a port");
-        wire.live.store(true, Ordering::Relaxed);
-        Self::emulate(&Setup::new(image, line), vec![board::LINES[0].into()])
     }
 
     fn on_host(document: &Document) -> Self {
@@ -133,14 +123,12 @@ impl Gateway {
         Self { process: Process::Host(child), config, log, fails: false, main, modbus, ports, _cell: None }
     }
 
-    fn on_board(image: &Path, document: &Document) -> Self {
+    fn on_board_with(image: &Path, document: &Document) -> Self {
         let mut places = document.places().map(|place| place.address().expect("a port"));
         let lines = [places.next(), places.next()];
         assert!(places.next().is_none(), "a board has two lines");
-        let ports: Vec<String> =
-            board::LINES.into_iter().zip(lines.iter().flatten()).map(|(name, _)| name.into()).collect();
         let setup = Setup { image: image.into(), lines, ports: [0, 0], ethernet: None, button: false };
-        let gateway = Self::emulate(&setup, ports);
+        let gateway = Self::on_board(&setup);
         let settings = board::json(&document.text(&gateway.ports));
         board::put(gateway.main, &settings);
         document.go_live();
@@ -149,13 +137,15 @@ impl Gateway {
         gateway
     }
 
-    /// Starts a board with its factory settings.
-    pub fn emulate(setup: &Setup, ports: Vec<String>) -> Self {
+    /// Starts an emulated board with its factory settings.
+    pub fn on_board(setup: &Setup) -> Self {
         let log = Log::default();
         let lines = log.clone();
         let board = Emulator::start(setup, move |line| lines.push(line))
             .unwrap_or_else(|error| panic!("{error}; log:\n{}", log.text()));
         let (main, modbus) = (board.main, board.modbus);
+        let connected = board::LINES.iter().zip(setup.lines).filter(|(_, line)| line.is_some());
+        let ports = connected.map(|(&name, _)| name.into()).collect();
         Self {
             process: Process::Board(board),
             config: None,

@@ -7,6 +7,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use puente_cell::Cell;
+use puente_emulator::Setup;
 use puente_modbus::Mode;
 
 use super::client::{Lines, Modbus, figure, read_pdu, value};
@@ -35,20 +36,14 @@ impl Rig {
         Self { wire, gateway }
     }
 
-    /// With a board's factory settings.
-    pub fn on_target() -> Self {
-        Self::on_target_with("")
-    }
-
-    /// On this machine with more keys of `[net]`.
-    pub fn on_target_with(net: &str) -> Self {
+    /// On the emulated board with its factory settings, and more or less connected to it.
+    pub fn on_board(change: impl FnOnce(&mut Setup)) -> Self {
+        let image = target().image.as_ref().expect("PUENTE_IMAGE names the firmware");
         let wire = cell(Mode::Ascii, thesis(), &[1, 2, 3]);
-        let gateway = if target().is_board() {
-            Gateway::factory_on(&wire)
-        } else {
-            Self::document(Mode::Ascii, 250, &wire, "").net(net).start()
-        };
-        Self { wire, gateway }
+        wire.go_live();
+        let mut setup = Setup::new(image, wire.place.address().expect("a port"));
+        change(&mut setup);
+        Self { gateway: Gateway::on_board(&setup), wire }
     }
 
     /// The settings for its cell on `wire`.

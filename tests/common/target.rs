@@ -5,6 +5,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::path::PathBuf;
 use std::sync::{LazyLock, Mutex};
 use std::thread;
+use std::time::Duration;
 
 use super::ms;
 
@@ -22,6 +23,8 @@ pub struct Target {
     /// Frames that may come between the loss of a commander and the stop: the one in progress, and those that begin while
     /// the gateway learns of the loss, which takes an emulated processor longer.
     pub frames_before_stop: usize,
+    /// How long clients reconnect.
+    pub reconnecting: Duration,
     /// Where a scenario does not say otherwise. An emulated processor may have to wait for a real one at each character.
     pub reply_timeout_ms: u32,
 }
@@ -54,6 +57,7 @@ pub fn target() -> &'static Target {
             pipeline: 4,
             room: 20,
             frames_before_stop: 4,
+            reconnecting: Duration::from_secs(30),
             reply_timeout_ms: 1500,
         },
         None => Target {
@@ -62,6 +66,7 @@ pub fn target() -> &'static Target {
             pipeline: 16,
             room: 80,
             frames_before_stop: 2,
+            reconnecting: Duration::from_secs(3),
             reply_timeout_ms: 500,
         },
     });

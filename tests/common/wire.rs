@@ -220,6 +220,11 @@ impl<D: Device> Wire<D> {
         wire
     }
 
+    /// Puts the device on it, where a board is not to have other settings.
+    pub(super) fn go_live(&self) {
+        self.live.store(true, Ordering::Relaxed);
+    }
+
     /// The device, to look at or to change.
     pub fn device(&self) -> MutexGuard<'_, D> {
         self.device.lock().expect("the device")
