@@ -4,6 +4,7 @@
 pub mod board;
 #[cfg(not(target_os = "none"))]
 pub mod host;
+pub mod lamps;
 #[cfg(not(target_os = "none"))]
 mod options;
 #[cfg(target_os = "none")]

@@ -18,7 +18,7 @@ pub use host::{Line, Place, history, limits, may_move, restart, stack};
 #[cfg(target_os = "none")]
 pub mod embedded;
 #[cfg(target_os = "none")]
-pub use embedded::{Place, history, hung, limits, may_move, restart, stack};
+pub use embedded::{Network, Place, history, hung, limits, may_move, restart, stack};
 
 #[cfg(all(target_os = "none", feature = "mps2-an500"))]
 pub mod mps2;
@@ -32,7 +32,7 @@ use nucleo as platform;
 
 pub use platform::temperature;
 #[cfg(target_os = "none")]
-pub use platform::{Board, Line, Watchdog, run};
+pub use platform::{Board, Leds, Line, Watchdog, run};
 
 #[cfg(all(target_os = "none", feature = "test-hooks"))]
 pub use embedded::hooks::obey;
@@ -121,3 +121,31 @@ pub trait Listener {
 /// After an error both methods may be called again: the port reopens the line, waiting where it must. A write that
 /// fails with `NotConnected` has sent nothing; an error of a spoilt character is `InvalidData`.
 pub trait SerialLine: Read + Write {}
+
+/// What the lamps of a board show.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Lights {
+    /// The network is there.
+    pub link: bool,
+    /// Something goes over a bus.
+    pub bus: bool,
+    /// Something is wrong.
+    pub fault: bool,
+}
+
+/// The lamps of a board.
+pub trait Lamps {
+    /// Switches each of them on or off.
+    fn show(&mut self, lights: Lights);
+}
+
+/// How a board is connected to its network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Link {
+    /// No cable, or nobody at its other end.
+    Down,
+    /// Nobody has given the board an address yet.
+    NoAddress,
+    /// It can be reached.
+    Up,
+}
