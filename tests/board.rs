@@ -118,7 +118,7 @@ fn a_front_that_hangs_is_found_and_the_lease_stops_its_axis() {
     let late = fails(&mut rig, "debug hang front");
     println!("hang of the front: the stop was on the wire after {late:?}");
     assert!(!rig.gateway.log().contains("started after"), "the stop came before the reset");
-    assert_eq!(hung(&rig), "the network's tasks held the processor");
+    assert_eq!(hung(&rig), "the network's tasks or an interrupt held the processor");
     assert_eq!(rig.event(), "none", "nothing had to be stopped again");
 }
 
@@ -135,7 +135,6 @@ fn a_bus_that_keeps_the_processor_is_found_and_its_axis_stopped() {
 fn a_bus_that_waits_for_ever_is_found_and_its_axis_stopped() {
     let mut rig = Rig::on_target();
     let late = fails(&mut rig, "debug stall bus");
-    assert!(!rig.gateway.log().contains("lease-expired"), "the new start stops it");
     assert_eq!(hung(&rig), "bus a makes no progress");
     stopped_by_the_new_start(&rig, "stall of the bus", late);
 }
