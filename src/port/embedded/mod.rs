@@ -1,6 +1,8 @@
 //! What all boards have in common: TCP/IP, the places for clients, and the sizes that a microcontroller allows.
 
 mod doors;
+#[cfg(feature = "test-hooks")]
+pub(super) mod echo;
 pub mod limits;
 mod net;
 mod restart;

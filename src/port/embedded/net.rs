@@ -9,6 +9,9 @@ use static_cell::ConstStaticCell;
 use super::limits::SLOTS;
 use crate::port::Link;
 
+/// Places for clients, and one of the stack's own; one more for the echo in images for tests.
+const SOCKETS: usize = SLOTS + 1 + cfg!(feature = "test-hooks") as usize;
+
 /// The board's address on the network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Address {
@@ -26,8 +29,7 @@ pub(in crate::port) fn stack<D: Driver>(
     address: Address,
     seed: u64,
 ) -> (Stack<'static>, Runner<'static, D>) {
-    static RESOURCES: ConstStaticCell<StackResources<{ SLOTS + 1 }>> =
-        ConstStaticCell::new(StackResources::new());
+    static RESOURCES: ConstStaticCell<StackResources<SOCKETS>> = ConstStaticCell::new(StackResources::new());
     let config = Config::ipv4_static(StaticConfigV4 {
         address: Ipv4Cidr::new(Ipv4Addr::from(address.ip), address.prefix),
         gateway: address.gateway.map(Ipv4Addr::from),

@@ -12,6 +12,7 @@ mod leds;
 mod line;
 mod lines;
 mod log;
+mod pacer;
 mod registers;
 mod stack;
 
@@ -59,6 +60,8 @@ impl Board {
         let (stack, runner) = embedded::stack(device, address, SEED);
         spawner.spawn(network(runner).expect("the network task is started once"));
         spawner.spawn(stack::watch().expect("the watch is started once"));
+        #[cfg(feature = "test-hooks")]
+        spawner.spawn(embedded::echo::serve(stack).expect("the echo is started once"));
         Self { buses: executor::start(), lines: Lines::new(), leds: Leds, mac, stack }
     }
 

@@ -11,6 +11,8 @@ use crate::cross::{Cross, TARGET};
 
 /// The profile of what is flashed.
 pub const PROFILE: &str = "firmware";
+/// The feature of images for tests.
+pub const TEST_HOOKS: &str = "test-hooks";
 
 pub fn run(arguments: &[String]) -> Outcome {
     let mut options = Options::new(arguments);
@@ -25,11 +27,22 @@ pub fn run(arguments: &[String]) -> Outcome {
 
 /// Builds the gateway for a board, and returns its image: an ELF file.
 pub fn build(cross: &Cross, board: &Board) -> Result<PathBuf, String> {
-    run_command(of_board(cross.cargo("build"), board).args(["--profile", PROFILE, "--quiet"]))?;
-    // Every board's image comes out under the same name.
+    image(of_board(cross.cargo("build"), board), board.name)
+}
+
+/// The same with what only tests may ask for.
+pub fn build_for_tests(cross: &Cross, board: &Board) -> Result<PathBuf, String> {
+    let mut cargo = of_board(cross.cargo("build"), board);
+    cargo.args(["--features", TEST_HOOKS]);
+    image(cargo, &format!("{}-test", board.name))
+}
+
+/// Builds an image. Every board's comes out under the same name, and is kept under one of its own.
+fn image(mut cargo: Command, name: &str) -> Result<PathBuf, String> {
+    run_command(cargo.args(["--profile", PROFILE, "--quiet"]))?;
     let target = target_dir()?;
     let folder = target.join("firmware");
-    let image = folder.join(format!("puente-{}.elf", board.name));
+    let image = folder.join(format!("puente-{name}.elf"));
     let built = target.join(TARGET).join(PROFILE).join("gateway");
     fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     fs::copy(&built, &image).map_err(|error| format!("{}: {error}", built.display()))?;
