@@ -13,8 +13,8 @@ const SLOW: u32 = 10;
 /// and twice.
 const FAST: u32 = 5;
 
-/// Shows the state of the gateway, for ever. It is not `whole` where a part of it has failed, which then will not work
-/// before the next start.
+/// Shows the state of the gateway, for ever. It is not `whole` where a part of it did not start, or where it has started
+/// because it had failed.
 pub async fn show(gateway: &Gateway, lamps: &mut impl Lamps, link: impl Fn() -> Link, whole: bool) -> ! {
     let mut panel = Panel::default();
     loop {
@@ -31,7 +31,7 @@ enum Fault {
     None,
     /// A slave is out of order, or the stop of an axis is not confirmed.
     Passing,
-    /// A part of the gateway has failed.
+    /// The gateway is not whole.
     Lasting,
 }
 

@@ -17,6 +17,8 @@ use puente_line::Settings;
 use super::interrupt::{Interrupt, enable};
 use super::pacer::{LINE_A, LINE_B, Pacer};
 use super::registers::{self, Registers};
+#[cfg(feature = "test-hooks")]
+use crate::port::embedded::hooks;
 
 const DATA: usize = 0x00;
 const STATE: usize = 0x04;
@@ -171,6 +173,8 @@ impl ErrorType for Line {
 
 impl Read for Line {
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
+        #[cfg(feature = "test-hooks")]
+        hooks::reading();
         poll_fn(|context| {
             self.uart.reader.register(context.waker());
             let length = self.uart.with(|buffers| {
@@ -186,6 +190,8 @@ impl Read for Line {
 impl Write for Line {
     /// Waits until the line is quiet, then starts to send up to a whole frame.
     async fn write(&mut self, characters: &[u8]) -> Result<usize, Infallible> {
+        #[cfg(feature = "test-hooks")]
+        hooks::writing().await;
         self.flush().await?;
         let piece = characters.get(..TRANSMIT).unwrap_or(characters);
         self.uart.with(|buffers| {

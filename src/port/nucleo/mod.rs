@@ -6,14 +6,15 @@
 mod calibration;
 mod can;
 mod executor;
-mod fault;
 mod leds;
 mod line;
 mod lines;
 mod log;
 mod mac;
 mod net;
+mod reset;
 mod temperature;
+mod watchdog;
 
 #[cfg(feature = "nucleo-f429zi")]
 #[path = "f429zi.rs"]
@@ -33,7 +34,6 @@ mod driver_enable;
 mod driver_enable;
 
 use embassy_executor::{SendSpawner, Spawner};
-use embassy_net::Stack;
 use embassy_stm32::gpio::AnyPin;
 use embassy_stm32::rng::Rng;
 use embassy_stm32::{Peri, uid};
@@ -42,9 +42,11 @@ pub use executor::run;
 pub use leds::Leds;
 pub use line::{Error as LineError, Line};
 pub use lines::{BadPort, Lines};
+pub(super) use log::{last_words, log, logs};
 pub use temperature::temperature;
+pub use watchdog::Watchdog;
 
-use crate::port::embedded::{Address, Network, Place, Ports, limits, places};
+use crate::port::embedded::{Network, vital};
 
 /// What the board offers to the application.
 pub struct Board {
@@ -56,7 +58,10 @@ pub struct Board {
     pub leds: Leds,
     /// The board's MAC address.
     pub mac: [u8; 6],
-    stack: Stack<'static>,
+    /// The axes that may have moved when the board was reset, a bit each.
+    pub moving: u32,
+    /// The connection to the network.
+    pub network: Network,
 }
 
 /// What is not in the same place on every board.
@@ -66,12 +71,10 @@ struct Own {
 }
 
 impl Board {
-    /// 192.168.1.111/24, the address of the thesis' gateway.
-    pub const ADDRESS: Address = Address { ip: [192, 168, 1, 111], prefix: 24, gateway: None };
-
     /// Starts clocks, network and executors. Call it once, first of all.
     #[inline(never)]
-    pub fn start(spawner: Spawner, address: Address) -> Self {
+    pub fn start(spawner: Spawner) -> Self {
+        let moving = vital::begin(Some(reset::cause()));
         log::start();
         let p = embassy_stm32::init(board::config());
         if let Some(mut core) = cortex_m::Peripherals::take() {
@@ -105,17 +108,8 @@ impl Board {
             },
             leds: Leds::new(p.PB0, own.ld2, p.PB14),
             mac,
-            stack: net::start(spawner, ethernet, mac, address, u64::from_le_bytes(seed)),
+            moving,
+            network: net::start(spawner, ethernet, mac, u64::from_le_bytes(seed)),
         }
-    }
-
-    /// The connection to the network.
-    pub fn network(&self) -> Network {
-        Network(self.stack)
-    }
-
-    /// The places for clients on the main and the Modbus/TCP port. Call it once.
-    pub fn places(&self, main: u16, modbus: u16) -> [Place; limits::SLOTS] {
-        places(self.stack, Ports { main, modbus })
     }
 }

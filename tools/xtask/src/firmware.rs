@@ -1,7 +1,7 @@
 //! `cargo xtask firmware`: the images to flash.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::Outcome;
@@ -25,16 +25,18 @@ pub fn run(arguments: &[String]) -> Outcome {
     Ok(())
 }
 
-/// Builds the gateway for a board, and returns its image: an ELF file.
+/// Builds the gateway for a board, and returns its image: an ELF file. It has nothing that only tests may ask for.
 pub fn build(cross: &Cross, board: &Board) -> Result<PathBuf, String> {
-    image(of_board(cross.cargo("build"), board), board.name)
+    let image = image(of_board(cross.cargo("build"), board), board.name)?;
+    if has_hooks(&image)? { Err(format!("{} obeys `debug panic`", image.display())) } else { Ok(image) }
 }
 
 /// The same with what only tests may ask for.
 pub fn build_for_tests(cross: &Cross, board: &Board) -> Result<PathBuf, String> {
     let mut cargo = of_board(cross.cargo("build"), board);
     cargo.args(["--features", TEST_HOOKS]);
-    image(cargo, &format!("{}-test", board.name))
+    let image = image(cargo, &format!("{}-test", board.name))?;
+    if has_hooks(&image)? { Ok(image) } else { Err(format!("{} has no {TEST_HOOKS}", image.display())) }
 }
 
 /// Builds an image. Every board's comes out under the same name, and is kept under one of its own.
@@ -47,6 +49,13 @@ fn image(mut cargo: Command, name: &str) -> Result<PathBuf, String> {
     fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     fs::copy(&built, &image).map_err(|error| format!("{}: {error}", built.display()))?;
     Ok(image)
+}
+
+/// Whether an image has what only tests may ask for: by what `debug panic` says.
+fn has_hooks(image: &Path) -> Result<bool, String> {
+    let words = b"a test hook was asked for";
+    let bytes = fs::read(image).map_err(|error| format!("{}: {error}", image.display()))?;
+    Ok(bytes.windows(words.len()).any(|window| window == words))
 }
 
 /// Narrows a cargo command to what runs on a board.
