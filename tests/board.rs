@@ -8,9 +8,9 @@ use std::net::{SocketAddr, TcpStream};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use common::client::{Lines, figure, value};
+use common::client::{Lines, Modbus, figure, read_pdu, value};
 use common::rig::Rig;
-use common::{ms, until};
+use common::{Gateway, ms, until};
 use serde_json::Value;
 
 /// The body of a reply, which HTTP/1.0 has in no chunks; none where the board does not answer.
@@ -211,4 +211,45 @@ fn the_log_is_served_in_whole_lines() {
     let first = shown.lines().position(|line| line == kept[0]).expect("the same line");
     assert!(shown.lines().skip(first).zip(&kept).all(|(shown, kept)| shown == *kept), "{log}");
     assert!(log.ends_with('\n') && log.contains(" connected\n"));
+}
+
+/// The lamps of the emulated board, as its register has them: link, bus, fault.
+fn lamps(gateway: &mut Gateway) -> [bool; 3] {
+    let answer = gateway.monitor("xp /1xw 0x4002f004");
+    let (_, word) = answer.trim_end().rsplit_once("0x").expect("a word");
+    let leds = u32::from_str_radix(word, 16).expect("a number");
+    [leds & 1 != 0, leds & 2 != 0, leds & 4 != 0]
+}
+
+#[test]
+fn the_lamps_show_its_link_its_bus_and_a_missing_slave() {
+    let mut rig = Rig::on_target();
+    let gateway = &mut rig.gateway;
+    until("the link lamp is on, alone", || lamps(gateway) == [true, false, false]);
+    let mut client = Modbus::connect(gateway.main);
+    until("the bus lamp shows a transaction", || {
+        client.ask(1, &read_pdu(0x0901, 1));
+        lamps(gateway) == [true, true, false]
+    });
+    until("the bus lamp goes out", || lamps(gateway) == [true, false, false]);
+    client.ask(9, &read_pdu(0x0901, 1));
+    for on in [true, false, true] {
+        until("the fault lamp blinks for a slave that is not there", || lamps(gateway)[2] == on);
+    }
+    gateway.monitor("set_link lan9118.0 off");
+    until("the link lamp goes out", || !lamps(gateway)[0]);
+    gateway.monitor("set_link lan9118.0 on");
+    until("the link lamp is on again", || lamps(gateway)[0]);
+}
+
+#[test]
+fn the_fault_lamp_stays_on_after_a_panic() {
+    let mut rig = Rig::on_target();
+    fails(&mut rig, "debug panic");
+    until("the fault lamp is on", || lamps(&mut rig.gateway)[2]);
+    // Longer than it would be on if it blinked.
+    for _ in 0..20 {
+        thread::sleep(ms(50));
+        assert!(lamps(&mut rig.gateway)[2]);
+    }
 }

@@ -13,7 +13,7 @@ use common::client::{
     Lines, Modbus, closes_within, connect, mbap, read_pdu, rest, send_and_close, write_pdu,
 };
 use common::rig::{ENABLE, FORWARD, REVERSE, Rig};
-use common::{Gateway, ms, until};
+use common::{ms, until};
 
 const STATUS: u16 = 0x0901;
 const SPEED: u16 = 0x0025;
@@ -304,36 +304,4 @@ fn eight_clients_that_always_reconnect_are_never_refused_at_the_main_port() {
 fn eight_clients_that_always_reconnect_are_never_refused_at_both_ports() {
     use Manner::{Console, Http, Modbus};
     eight_reconnect([Modbus, Http, Modbus, Console, Modbus, Http, Modbus, Console]);
-}
-
-/// The lamps of the emulated board, as its register has them: link, bus, fault.
-fn lamps(gateway: &mut Gateway) -> [bool; 3] {
-    let answer = gateway.monitor("xp /1xw 0x4002f004");
-    let (_, word) = answer.trim_end().rsplit_once("0x").expect("a word");
-    let leds = u32::from_str_radix(word, 16).expect("a number");
-    [leds & 1 != 0, leds & 2 != 0, leds & 4 != 0]
-}
-
-#[test]
-fn the_lamps_of_a_board_show_its_link_its_bus_and_a_missing_slave() {
-    if !on_board() {
-        return;
-    }
-    let mut rig = Rig::on_target();
-    let gateway = &mut rig.gateway;
-    until("the link lamp is on, alone", || lamps(gateway) == [true, false, false]);
-    let mut client = Modbus::connect(gateway.main);
-    until("the bus lamp shows a transaction", || {
-        client.ask(1, &read_pdu(STATUS, 1));
-        lamps(gateway) == [true, true, false]
-    });
-    until("the bus lamp goes out", || lamps(gateway) == [true, false, false]);
-    client.ask(9, &read_pdu(STATUS, 1));
-    for on in [true, false, true] {
-        until("the fault lamp blinks for a slave that is not there", || lamps(gateway)[2] == on);
-    }
-    gateway.monitor("set_link lan9118.0 off");
-    until("the link lamp goes out", || !lamps(gateway)[0]);
-    gateway.monitor("set_link lan9118.0 on");
-    until("the link lamp is on again", || lamps(gateway)[0]);
 }

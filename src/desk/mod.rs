@@ -28,7 +28,7 @@ pub use lease::{Cause, Event, Holder, Leased, Permit};
 pub use pending::Pending;
 pub use queue::BusQueue;
 pub use route::Units;
-pub use statistics::{BUCKETS_MS, Statistics};
+pub use statistics::{BUCKETS_MS, Statistics, Traffic};
 
 use crate::port::limits::{AXES, BUSES, TICKETS};
 
@@ -208,6 +208,15 @@ impl Desk {
             let waiting = state.queue.waiting(bus);
             let bus = state.buses.get(usize::from(bus))?;
             Some(Statistics { waiting, resting: bus.breaker.resting(), ..bus.statistics.clone() })
+        })
+    }
+
+    /// The buses at a glance.
+    pub fn traffic(&self) -> Traffic {
+        self.with(|state| {
+            let resting = state.buses.iter().any(|bus| bus.breaker.resting() > 0);
+            let on_line = state.buses.iter().map(|bus| bus.statistics.on_line());
+            Traffic { transactions: on_line.fold(0, u32::wrapping_add), resting }
         })
     }
 
