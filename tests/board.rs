@@ -118,7 +118,7 @@ fn a_front_that_hangs_is_found_and_the_lease_stops_its_axis() {
     let late = fails(&mut rig, "debug hang front");
     println!("hang of the front: the stop was on the wire after {late:?}");
     assert!(!rig.gateway.log().contains("started after"), "the stop came before the reset");
-    assert_eq!(hung(&rig), "the network's tasks held the processor");
+    assert_eq!(hung(&rig), "the network's tasks or an interrupt held the processor");
     assert_eq!(rig.event(), "none", "nothing had to be stopped again");
 }
 
@@ -135,7 +135,6 @@ fn a_bus_that_keeps_the_processor_is_found_and_its_axis_stopped() {
 fn a_bus_that_waits_for_ever_is_found_and_its_axis_stopped() {
     let mut rig = Rig::on_board(|_| {});
     let late = fails(&mut rig, "debug stall bus");
-    assert!(!rig.gateway.log().contains("lease-expired"), "the new start stops it");
     assert_eq!(hung(&rig), "bus a makes no progress");
     stopped_by_the_new_start(&rig, "stall of the bus", late);
 }
@@ -223,7 +222,7 @@ fn lamps(gateway: &mut Gateway) -> [bool; 3] {
 }
 
 #[test]
-fn the_lamps_of_a_board_show_its_link_its_bus_and_a_missing_slave() {
+fn the_lamps_show_its_link_its_bus_and_a_missing_slave() {
     let mut rig = Rig::on_board(|_| {});
     let gateway = &mut rig.gateway;
     until("the link lamp is on, alone", || lamps(gateway) == [true, false, false]);
@@ -241,4 +240,16 @@ fn the_lamps_of_a_board_show_its_link_its_bus_and_a_missing_slave() {
     until("the link lamp goes out", || !lamps(gateway)[0]);
     gateway.monitor("set_link lan9118.0 on");
     until("the link lamp is on again", || lamps(gateway)[0]);
+}
+
+#[test]
+fn the_fault_lamp_stays_on_after_a_panic() {
+    let mut rig = Rig::on_board(|_| {});
+    fails(&mut rig, "debug panic");
+    until("the fault lamp is on", || lamps(&mut rig.gateway)[2]);
+    // Longer than it would be on if it blinked.
+    for _ in 0..20 {
+        thread::sleep(ms(50));
+        assert!(lamps(&mut rig.gateway)[2]);
+    }
 }

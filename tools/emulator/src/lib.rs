@@ -43,12 +43,21 @@ pub struct Setup {
     pub ethernet: Option<SocketAddr>,
     /// The user button is held, at every start.
     pub button: bool,
+    /// A plugin of QEMU with its options, as QEMU takes it.
+    pub plugin: Option<String>,
 }
 
 impl Setup {
     /// `image` with a device on RS-485 a, on free ports.
     pub fn new(image: impl Into<PathBuf>, line: SocketAddr) -> Self {
-        Self { image: image.into(), lines: [Some(line), None], ports: [0, 0], ethernet: None, button: false }
+        Self {
+            image: image.into(),
+            lines: [Some(line), None],
+            ports: [0, 0],
+            ethernet: None,
+            button: false,
+            plugin: None,
+        }
     }
 }
 
@@ -62,6 +71,8 @@ pub struct Emulator {
     pub main: SocketAddr,
     /// Where it reaches the firmware's port of Modbus/TCP alone.
     pub modbus: SocketAddr,
+    /// Where it reaches the echo of a firmware that is built for tests.
+    pub echo: SocketAddr,
 }
 
 impl Emulator {
@@ -142,26 +153,27 @@ pub fn tie(command: &mut Command) -> &mut Command {
     unsafe { command.pre_exec(tie) }
 }
 
-/// The ports of this machine, chosen by the system where they are 0.
-fn free(ports: [u16; 2]) -> Result<[SocketAddr; 2], String> {
+/// The ports of this machine, chosen by the system where they are 0, and one more.
+fn free([main, modbus]: [u16; 2]) -> Result<[SocketAddr; 3], String> {
     // Held together, lest the second be the first again.
     let bind = |port| {
         TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(|error| format!("port {port}: {error}"))
     };
-    let held = [bind(ports[0])?, bind(ports[1])?];
+    let held = [bind(main)?, bind(modbus)?, bind(0)?];
     let address = |held: &TcpListener| held.local_addr().map_err(|error| error.to_string());
-    Ok([address(&held[0])?, address(&held[1])?])
+    Ok([address(&held[0])?, address(&held[1])?, address(&held[2])?])
 }
 
 fn launch(
     setup: &Setup,
-    [main, modbus]: [SocketAddr; 2],
+    [main, modbus, echo]: [SocketAddr; 3],
     log: Arc<impl Fn(&str) + Send + Sync + 'static>,
 ) -> Result<Emulator, String> {
     let mut qemu = Command::new(QEMU);
     qemu.args(["-machine", "mps2-an500", "-display", "none", "-monitor", "none", "-qmp", "stdio"]);
-    qemu.arg("-netdev")
-        .arg(format!("user,id=user,restrict=on,hostfwd=tcp:{main}-:80,hostfwd=tcp:{modbus}-:502"));
+    let ports = [(main, 80), (modbus, 502), (echo, 7)];
+    let forwarded = ports.map(|(here, there)| format!(",hostfwd=tcp:{here}-:{there}")).concat();
+    qemu.arg("-netdev").arg(format!("user,id=user,restrict=on{forwarded}"));
     let nic = match setup.ethernet {
         None => "user",
         Some(peer) => {
@@ -187,6 +199,9 @@ fn launch(
     if setup.button {
         qemu.arg("-device").arg(format!("loader,addr={BUTTON:#x},data=1,data-len=4"));
     }
+    if let Some(plugin) = &setup.plugin {
+        qemu.arg("-plugin").arg(plugin);
+    }
     qemu.args(["-semihosting-config", "enable=on,target=native"]).arg("-kernel").arg(&setup.image);
     qemu.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = tie(&mut qemu).spawn().map_err(|error| format!("{QEMU}: {error}"))?;
@@ -202,7 +217,7 @@ fn launch(
         });
     }
     let monitor = Monitor::new(child.stdin.take(), child.stdout.take());
-    Ok(Emulator { child, speaks, monitor, main, modbus })
+    Ok(Emulator { child, speaks, monitor, main, modbus, echo })
 }
 
 /// Whether a console command is answered.
