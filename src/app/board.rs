@@ -1,36 +1,36 @@
 //! The firmware: settings, and two executors, one for the buses and one for the clients.
 
 use embassy_executor::Spawner;
-use static_cell::StaticCell;
 
-use super::{bus_task, front_task, line_settings, master, watch_task};
+use super::{InForce, bus_task, front_task, keeper_task, line_settings, master, watch_task};
 use crate::front::Gateway;
+use crate::port::embedded::{Address, Network};
 use crate::port::{Board, Place};
-use crate::settings::Settings;
-
-static SETTINGS: StaticCell<Settings> = StaticCell::new();
+use crate::settings::Net;
 
 /// Starts the gateway, whose tasks go on after this returns. Call it once, first of all.
 ///
 /// Neither this nor what it calls is inlined: each takes much of the stack for a moment, and not all at once.
 #[inline(never)]
 pub fn start(spawner: Spawner) {
-    let settings = SETTINGS.init_with(settings);
-    let mut board = Board::start(spawner, Board::ADDRESS);
-    log::info!("puente {} at {}, MAC {:02x?}", env!("CARGO_PKG_VERSION"), settings.net.bind, board.mac);
-    let gateway = super::build(settings);
+    let mut board = Board::start(spawner);
+    let InForce { settings, keeper, store } = super::settings(board.flash.take(), None, board.button);
+    let network = board.connect(spawner, address(&settings.net));
+    log::info!("puente {} at {}, MAC {:02x?}", env!("CARGO_PKG_VERSION"), settings.net.address, network.mac);
+    let gateway = super::build(settings, keeper);
     buses(gateway, &mut board);
-    clients(gateway, &board, spawner);
+    if let Some(store) = store {
+        spawner.spawn(keeper_task(keeper, gateway.desk, store).expect("one task"));
+    }
+    clients(gateway, &network, spawner);
 }
 
-/// The settings of every start, until they can be kept in flash.
-#[inline(never)]
-fn settings() -> Settings {
-    let mut settings = Settings::factory("rs485-a");
-    settings.net.bind = Board::ADDRESS.ip.into();
-    settings.net.port = 80;
-    settings.net.modbus_port = 502;
-    settings
+fn address(net: &Net) -> Address {
+    Address {
+        ip: net.address.address.octets(),
+        prefix: net.address.prefix,
+        gateway: net.router.map(|router| router.octets()),
+    }
 }
 
 /// The buses run above the clients, so that no client delays them.
@@ -55,9 +55,9 @@ fn bus(gateway: &'static Gateway, board: &mut Board, index: u8) {
 }
 
 #[inline(never)]
-fn clients(gateway: &'static Gateway, board: &Board, spawner: Spawner) {
+fn clients(gateway: &'static Gateway, network: &Network, spawner: Spawner) {
     let net = &gateway.settings.net;
-    for (seat, place) in (0..).zip(board.places(net.port, net.modbus_port)) {
+    for (seat, place) in (0..).zip(network.places(net.port, net.modbus_port)) {
         client(gateway, spawner, seat, place);
     }
 }

@@ -144,6 +144,10 @@ impl AxisLease {
         }
     }
 
+    fn rests(&self) -> bool {
+        self.lease.is_none() && self.stopping == Stopping::Done
+    }
+
     /// A lease that has run out counts as lost whether or not the watchman has seen it yet.
     fn refresh(&mut self, now: Instant) {
         if self.lease.as_ref().is_some_and(|lease| lease.until <= now) {
@@ -167,6 +171,28 @@ impl AxisLease {
             return Err(Leased::By(lease.holder, lease.until.since(now)));
         }
         Ok(())
+    }
+
+    /// Gives or renews the lease of the axis with this number.
+    fn grant(&mut self, now: Instant, axis: u8, holder: Holder, hold: Duration) -> Result<Permit, Leased> {
+        self.refuse_others(holder, now)?;
+        if let Stopping::Owed(_) = self.stopping {
+            return Err(Leased::Stopping);
+        }
+        if let Some((stopped, until)) = self.standstill
+            && stopped == holder
+            && now < until
+        {
+            self.standstill = Some((holder, now + STANDSTILL));
+            return Err(Leased::Standstill(STANDSTILL));
+        }
+        let until = now + hold.max(PREPARING);
+        let lease = self.lease.get_or_insert(Lease { holder, hold, until, running: false });
+        lease.hold = hold;
+        if lease.running {
+            lease.until = now + hold;
+        }
+        Ok(Permit { axis, epoch: self.epoch, holder })
     }
 }
 
@@ -195,35 +221,15 @@ impl Desk {
         holder: Holder,
         hold: Option<Duration>,
     ) -> Result<Permit, Leased> {
-        let (lease_time, closed) = self.with(|state| (state.lease_time, state.closed));
-        if closed {
-            return Err(Leased::Stopping);
-        }
-        let hold = hold.unwrap_or(lease_time);
-        let permit = self.on_axis(axis, |state| {
-            state.refuse_others(holder, now)?;
-            if let Stopping::Owed(_) = state.stopping {
-                return Err(Leased::Stopping);
-            }
-            if let Some((stopped, until)) = state.standstill
-                && stopped == holder
-                && now < until
-            {
-                state.standstill = Some((holder, now + STANDSTILL));
-                return Err(Leased::Standstill(STANDSTILL));
-            }
-            let lease = state.lease.get_or_insert(Lease {
-                holder,
-                hold,
-                until: now + hold.max(PREPARING),
-                running: false,
-            });
-            lease.hold = hold;
-            if lease.running {
-                lease.until = now + hold;
-            }
-            Ok(Permit { axis, epoch: state.epoch, holder })
+        let permit = self.with(|state| {
+            let hold = hold.unwrap_or(state.lease_time);
+            let closed = state.closed;
+            let state = state.leases.get_mut(usize::from(axis))?;
+            Some(if closed { Err(Leased::Stopping) } else { state.grant(now, axis, holder, hold) })
         });
+        if let Some(signal) = self.leases_changed.get(usize::from(axis)) {
+            signal.signal(());
+        }
         permit.unwrap_or(Err(Leased::Standstill(Duration::ZERO)))
     }
 
@@ -279,6 +285,22 @@ impl Desk {
         self.lose_all(now, |_| true);
     }
 
+    /// As [`close`](Self::close) where no axis is under a lease or has to be stopped; otherwise nothing changes. Tells
+    /// which.
+    pub fn close_at_rest(&self, now: Instant) -> bool {
+        self.with(|state| {
+            state.leases.iter_mut().for_each(|axis| axis.refresh(now));
+            let rests = state.leases.iter().all(AxisLease::rests);
+            state.closed |= rests;
+            rests
+        })
+    }
+
+    /// Gives leases again.
+    pub fn reopen(&self) {
+        self.with(|state| state.closed = false);
+    }
+
     fn lose_all(&self, now: Instant, of: impl Fn(Holder) -> bool) {
         self.with(|state| {
             for axis in &mut state.leases {
@@ -292,8 +314,7 @@ impl Desk {
 
     /// Whether no axis is under a lease, and every stop that was due has been confirmed.
     pub fn at_rest(&self) -> bool {
-        let rests = |axis: &AxisLease| axis.lease.is_none() && axis.stopping == Stopping::Done;
-        self.with(|state| state.leases.iter().all(rests))
+        self.with(|state| state.leases.iter().all(AxisLease::rests))
     }
 
     /// Somebody is about to stop an axis in all directions: ends any lease and revokes every permit. Where that leaves

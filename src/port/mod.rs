@@ -1,14 +1,17 @@
-//! What a port supplies: sockets, serial lines, and the sizes that its memory allows. Nothing above this folder names
+//! What a port supplies: sockets, serial lines, flash for the settings, and the sizes that its memory allows. Nothing above this folder names
 //! a chip, an operating system or a cargo feature.
+
+mod nor;
 
 use core::fmt;
 
 use embedded_io_async::{Error, Read, Write};
+use embedded_storage_async::nor_flash::NorFlash;
 
 #[cfg(not(target_os = "none"))]
 pub mod host;
 #[cfg(not(target_os = "none"))]
-pub use host::{Line, Place, limits, restart};
+pub use host::{BadPort, Flash, Line, Place, check_line, defaults, limits, restart};
 
 #[cfg(target_os = "none")]
 pub mod embedded;
@@ -18,12 +21,12 @@ pub use embedded::{Place, limits, restart};
 #[cfg(all(target_os = "none", feature = "mps2-an500"))]
 pub mod mps2;
 #[cfg(all(target_os = "none", feature = "mps2-an500"))]
-pub use mps2::{Board, Line, run};
+pub use mps2::{BadPort, Board, Flash, Line, check_line, defaults, run};
 
 #[cfg(all(target_os = "none", not(feature = "mps2-an500")))]
 pub mod nucleo;
 #[cfg(all(target_os = "none", not(feature = "mps2-an500")))]
-pub use nucleo::{Board, Line, run};
+pub use nucleo::{BadPort, Board, Flash, Line, check_line, defaults, run};
 
 /// Which of the two TCP ports a client came through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,3 +93,8 @@ pub trait Listener {
 /// After an error both methods may be called again: the port reopens the line, waiting where it must. A write that
 /// fails with `NotConnected` has sent nothing; an error of a spoilt character is `InvalidData`.
 pub trait SerialLine: Read + Write {}
+
+/// Flash that keeps the settings over a restart: two pages of [`NorFlash::ERASE_SIZE`] bytes, from offset 0 on. Each
+/// word is written once between two erasures. Words that were being written, and pages that were being erased, when the
+/// power went may read as anything, but can be read.
+pub trait SettingsFlash: NorFlash {}

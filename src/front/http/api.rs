@@ -12,11 +12,12 @@ use super::page::Asset;
 use super::problem::{HOLD_MS, Problem};
 use super::reply::Reply;
 use super::resource::{Command, Resource};
-use super::{Fault, metrics, view};
+use super::{Fault, config, metrics, view};
 use crate::axis::{AxisError, Commander};
 use crate::clock;
 use crate::desk::Holder;
 use crate::port::limits::AXES;
+use crate::settings::keeper::Lent;
 
 /// Values of a drive that are not older than this are not read again.
 const FRESH: Duration = Duration::from_millis(400);
@@ -32,6 +33,19 @@ pub(super) enum Task {
     SetParameter(u8, Parameter, u16),
     Buses,
     Metrics,
+    Config,
+    ConfigState,
+    Change(Change),
+}
+
+/// What is done about the settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Change {
+    /// The document on the form is put.
+    Put,
+    /// The factory settings are.
+    Delete,
+    Confirm,
 }
 
 /// What an axis is told.
@@ -72,7 +86,7 @@ pub(super) fn understand(
     if !resource.takes(head.method) {
         return Err(Problem::Method(resource.methods()));
     }
-    if head.foreign && matches!(head.method, Method::Post | Method::Put) {
+    if head.foreign && matches!(head.method, Method::Post | Method::Put | Method::Delete) {
         return Err(Problem::Origin);
     }
     Ok(match resource {
@@ -90,6 +104,13 @@ pub(super) fn understand(
         }
         Resource::Buses => Task::Buses,
         Resource::Metrics => Task::Metrics,
+        Resource::Config => match head.method {
+            Method::Put => Task::Change(Change::Put),
+            Method::Delete => Task::Change(Change::Delete),
+            _ => Task::Config,
+        },
+        Resource::ConfigState => Task::ConfigState,
+        Resource::Confirm => Task::Change(Change::Confirm),
     })
 }
 
@@ -126,8 +147,13 @@ pub(super) struct Call<'a> {
 }
 
 impl Call<'_> {
-    /// Carries a task out and sends the reply.
-    pub(super) async fn answer<W: Write>(&self, task: Task, reply: &mut Reply<'_, W>) -> Result<(), Fault> {
+    /// Carries a task out and sends the reply. A document that came with it is on the form.
+    pub(super) async fn answer<W: Write>(
+        &self,
+        task: Task,
+        form: Option<Lent<'_>>,
+        reply: &mut Reply<'_, W>,
+    ) -> Result<(), Fault> {
         match task {
             Task::Asset(asset) => reply.asset(asset).await?,
             Task::Axes => self.axes(reply).await?,
@@ -152,6 +178,9 @@ impl Call<'_> {
             }
             Task::Buses => self.buses(reply).await?,
             Task::Metrics => metrics::send(self.gateway, reply).await?,
+            Task::Config => config::send(self.gateway.settings, reply).await?,
+            Task::ConfigState => reply.value(&view::ConfigState::new(self.gateway.keeper)).await?,
+            Task::Change(change) => config::change(self, change, form, reply).await?,
         }
         Ok(())
     }

@@ -1,13 +1,13 @@
 //! What all boards have in common: TCP/IP, the places for clients, and the sizes that a microcontroller allows.
 
+pub mod defaults;
 mod doors;
 pub mod limits;
 mod net;
 mod restart;
 mod socket;
 
-pub use net::Address;
 pub(super) use net::stack;
+pub use net::{Address, Network};
 pub use restart::restart;
 pub use socket::{Place, Socket};
-pub(super) use socket::{Ports, places};

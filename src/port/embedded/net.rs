@@ -7,6 +7,7 @@ use embassy_net::{Config, Ipv4Cidr, Runner, Stack, StackResources, StaticConfigV
 use static_cell::ConstStaticCell;
 
 use super::limits::SLOTS;
+use super::socket::{Place, Ports, places};
 
 /// The board's address on the network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,6 +18,20 @@ pub struct Address {
     pub prefix: u8,
     /// Router, where there is one.
     pub gateway: Option<[u8; 4]>,
+}
+
+/// A board on the network.
+pub struct Network {
+    /// The board's MAC address.
+    pub mac: [u8; 6],
+    pub(in crate::port) stack: Stack<'static>,
+}
+
+impl Network {
+    /// The places for clients on the main and the Modbus/TCP port. Call it once.
+    pub fn places(&self, main: u16, modbus: u16) -> [Place; SLOTS] {
+        places(self.stack, Ports { main, modbus })
+    }
 }
 
 /// The stack, and what has to run for it. `seed` makes TCP sequence numbers hard to guess. Call it once.

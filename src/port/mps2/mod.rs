@@ -3,8 +3,10 @@
 //! Interrupt priorities are in `interrupt.rs`: in the same order as those of the Nucleo boards.
 
 mod clock;
+pub mod defaults;
 mod executor;
 mod fault;
+mod flash;
 mod host;
 mod interrupt;
 mod lan9118;
@@ -15,13 +17,14 @@ mod registers;
 mod stack;
 
 use embassy_executor::{SendSpawner, Spawner};
-use embassy_net::{Runner, Stack};
+use embassy_net::Runner;
 
 pub use executor::run;
+pub use flash::Flash;
 pub use line::Line;
-pub use lines::{BadPort, Lines};
+pub use lines::{BadPort, Lines, check_line};
 
-use crate::port::embedded::{self, Address, Place, Ports, limits, places};
+use crate::port::embedded::{self, Address, Network};
 use lan9118::Lan9118;
 
 /// TCP sequence numbers can be guessed here: there is no source of random numbers, and nobody to guess them.
@@ -33,34 +36,38 @@ pub struct Board {
     pub buses: SendSpawner,
     /// The serial lines.
     pub lines: Lines,
-    /// The board's MAC address.
-    pub mac: [u8; 6],
-    stack: Stack<'static>,
+    /// Where the settings are kept.
+    pub flash: Option<Flash>,
+    /// The user button is held.
+    pub button: bool,
 }
 
 impl Board {
-    /// 10.0.2.15/24, where QEMU's user network expects its guest.
-    pub const ADDRESS: Address = Address { ip: [10, 0, 2, 15], prefix: 24, gateway: Some([10, 0, 2, 2]) };
-
-    /// Starts clock, network and executors. Call it once, first of all.
+    /// Starts clock and executors. Call it once, first of all.
     #[inline(never)]
-    pub fn start(spawner: Spawner, address: Address) -> Self {
+    pub fn start(spawner: Spawner) -> Self {
         log::start();
         if let Some(mut core) = cortex_m::Peripherals::take() {
             interrupt::start(&mut core.NVIC);
         }
         clock::start();
+        spawner.spawn(stack::watch().expect("the watch is started once"));
+        Self {
+            buses: executor::start(),
+            lines: Lines::new(),
+            flash: Flash::take(),
+            button: registers::EMULATOR.read(0) == 1,
+        }
+    }
+
+    /// Starts the network. Call it once.
+    #[inline(never)]
+    pub fn connect(&mut self, spawner: Spawner, address: Address) -> Network {
         let device = Lan9118::start();
         let mac = device.mac();
         let (stack, runner) = embedded::stack(device, address, SEED);
         spawner.spawn(network(runner).expect("the network task is started once"));
-        spawner.spawn(stack::watch().expect("the watch is started once"));
-        Self { buses: executor::start(), lines: Lines::new(), mac, stack }
-    }
-
-    /// The places for clients on the main and the Modbus/TCP port. Call it once.
-    pub fn places(&self, main: u16, modbus: u16) -> [Place; limits::SLOTS] {
-        places(self.stack, Ports { main, modbus })
+        Network { mac, stack }
     }
 }
 

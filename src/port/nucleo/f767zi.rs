@@ -4,7 +4,7 @@ use embassy_stm32::rcc::{
     AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv, PllSource, Sysclk,
 };
 use embassy_stm32::time::Hertz;
-use embassy_stm32::{Config, bind_interrupts, peripherals, rng};
+use embassy_stm32::{Config, bind_interrupts, pac, peripherals, rng};
 
 bind_interrupts!(pub(super) struct RandomInterrupt {
     RNG => rng::InterruptHandler<peripherals::RNG>;
@@ -33,3 +33,24 @@ pub(super) fn config() -> Config {
 
 /// SRAM2, which holds the Ethernet DMA's memory, is always clocked here.
 pub(super) fn enable_ethernet_memory() {}
+
+/// Baud rates that the USARTs can do at 54 MHz, with a divider of 16 bits.
+pub(super) const BAUD: core::ops::RangeInclusive<u32> = 824..=1_000_000;
+
+/// Size of a sector. There is one bank: the processor stands still while a sector is erased.
+pub(super) const SECTOR: usize = 256 * 1024;
+pub(super) const FLASH_READ: usize = 1;
+
+/// Where the option bit nDBANK has been taken away, there are two banks with smaller sectors.
+pub(super) fn flash_is_divided_as_known() -> bool {
+    pac::FLASH.optcr().read().n_dbank()
+}
+
+/// Reads flash, which has no checksums here.
+pub(super) fn read_flash(address: usize, bytes: &mut [u8]) {
+    let flash = address as *const u8;
+    for (number, byte) in bytes.iter_mut().enumerate() {
+        // SAFETY: the caller stays within the flash.
+        *byte = unsafe { flash.add(number).read_volatile() };
+    }
+}

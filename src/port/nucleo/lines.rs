@@ -4,7 +4,8 @@ use core::fmt;
 
 use puente_line::Settings;
 
-use super::line::{Line, a, b};
+use super::board;
+use super::line::{Line, a, b, config};
 
 /// The lines that are not open yet.
 pub struct Lines {
@@ -28,6 +29,15 @@ impl fmt::Display for BadPort {
             BadPort::Settings => "the USART cannot do this baud rate or format",
         })
     }
+}
+
+/// Whether a bus can have this `port`, with this baud rate and format.
+pub fn check_line(port: &str, settings: Settings) -> Result<(), BadPort> {
+    if !matches!(port, "rs485-a" | "rs485-b") {
+        return Err(BadPort::Unknown);
+    }
+    let formats = config(settings).is_ok();
+    if formats && board::BAUD.contains(&settings.baud) { Ok(()) } else { Err(BadPort::Settings) }
 }
 
 impl Lines {

@@ -3,8 +3,10 @@
 //! Interrupt priorities, the most urgent first: USARTs and the clock (0), bus tasks (6), Ethernet (8), then everything
 //! else in thread mode.
 
+pub mod defaults;
 mod executor;
 mod fault;
+mod flash;
 mod line;
 mod lines;
 mod log;
@@ -19,15 +21,15 @@ mod board;
 mod board;
 
 use embassy_executor::{SendSpawner, Spawner};
-use embassy_net::Stack;
 use embassy_stm32::rng::Rng;
 use embassy_stm32::uid;
 
 pub use executor::run;
+pub use flash::Flash;
 pub use line::{Error as LineError, Line};
-pub use lines::{BadPort, Lines};
+pub use lines::{BadPort, Lines, check_line};
 
-use crate::port::embedded::{Address, Place, Ports, limits, places};
+use crate::port::embedded::{Address, Network};
 
 /// What the board offers to the application.
 pub struct Board {
@@ -35,18 +37,18 @@ pub struct Board {
     pub buses: SendSpawner,
     /// The RS-485 lines.
     pub lines: Lines,
-    /// The board's MAC address.
-    pub mac: [u8; 6],
-    stack: Stack<'static>,
+    /// Where the settings are kept; none where it is not as this image expects it.
+    pub flash: Option<Flash>,
+    /// The user button is held.
+    pub button: bool,
+    ethernet: Option<net::Parts>,
+    seed: u64,
 }
 
 impl Board {
-    /// 192.168.1.111/24, the address of the thesis' gateway.
-    pub const ADDRESS: Address = Address { ip: [192, 168, 1, 111], prefix: 24, gateway: None };
-
-    /// Starts clocks, network and executors. Call it once, first of all.
+    /// Starts clocks and executors. Call it once, first of all.
     #[inline(never)]
-    pub fn start(spawner: Spawner, address: Address) -> Self {
+    pub fn start(_: Spawner) -> Self {
         log::start();
         let p = embassy_stm32::init(board::config());
         board::enable_ethernet_memory();
@@ -56,33 +58,36 @@ impl Board {
         }
         let mut seed = [0; 8];
         Rng::new(p.RNG, board::RandomInterrupt).fill_bytes(&mut seed);
-        let mac = mac::from_unique_id(&uid::uid());
-        let ethernet = net::Parts {
-            eth: p.ETH,
-            sma: p.ETH_SMA,
-            ref_clk: p.PA1,
-            mdio: p.PA2,
-            mdc: p.PC1,
-            crs_dv: p.PA7,
-            rxd0: p.PC4,
-            rxd1: p.PC5,
-            tx_en: p.PG11,
-            txd0: p.PG13,
-            txd1: p.PB13,
-        };
         Self {
             buses: executor::start(),
             lines: Lines {
                 a: Some(line::a::Parts { usart: p.USART2, tx: p.PD5, rx: p.PD6, de: p.PD4 }),
                 b: Some(line::b::Parts { usart: p.UART7, tx: p.PE8, rx: p.PE7, de: p.PE9 }),
             },
-            mac,
-            stack: net::start(spawner, ethernet, mac, address, u64::from_le_bytes(seed)),
+            flash: Flash::new(p.FLASH),
+            button: false,
+            ethernet: Some(net::Parts {
+                eth: p.ETH,
+                sma: p.ETH_SMA,
+                ref_clk: p.PA1,
+                mdio: p.PA2,
+                mdc: p.PC1,
+                crs_dv: p.PA7,
+                rxd0: p.PC4,
+                rxd1: p.PC5,
+                tx_en: p.PG11,
+                txd0: p.PG13,
+                txd1: p.PB13,
+            }),
+            seed: u64::from_le_bytes(seed),
         }
     }
 
-    /// The places for clients on the main and the Modbus/TCP port. Call it once.
-    pub fn places(&self, main: u16, modbus: u16) -> [Place; limits::SLOTS] {
-        places(self.stack, Ports { main, modbus })
+    /// Starts the network. Call it once.
+    #[inline(never)]
+    pub fn connect(&mut self, spawner: Spawner, address: Address) -> Network {
+        let mac = mac::from_unique_id(&uid::uid());
+        let ethernet = self.ethernet.take().expect("the network is started once");
+        Network { mac, stack: net::start(spawner, ethernet, mac, address, self.seed) }
     }
 }
