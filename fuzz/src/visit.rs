@@ -15,7 +15,7 @@ use puente::desk::{BusQueue, BusSpec, Desk};
 use puente::front::Gateway;
 use puente::port::{Door, Listener, Peer, Socket};
 use puente::settings::Settings;
-use puente::settings::keeper::{Keeper, Source};
+use puente::settings::keeper::{self, Source};
 use puente_line::{Duration, Instant};
 use puente_modbus::{Evidence, Outcome};
 
@@ -127,7 +127,7 @@ fn gateway() -> &'static Gateway {
         registers: Default::default(),
     });
     let axes = Axes::new(&DESK, axes);
-    let keeper = Keeper::new(Box::leak(Box::default()), Source::Factory, None, false);
+    let keeper = keeper::Keeper::new(Box::leak(Box::default()), Source::Factory, None, false);
     Box::leak(Box::new(Gateway::new(Box::leak(Box::new(settings)), &DESK, axes, Box::leak(Box::new(keeper)))))
 }
 
