@@ -43,15 +43,20 @@ pub struct InForce {
 #[inline(never)]
 pub fn settings(flash: Option<Flash>, base: Option<&'static Settings>, reset: bool) -> InForce {
     let form = FORM.take();
-    let (store, start) = flash.map(|flash| block_on(open(flash, form.buffer(), reset))).unzip();
-    let Start { document, on_trial } = start.unwrap_or(Start { document: None, on_trial: false });
-    let source = match (&document, base) {
-        (Some(_), _) => Source::Flash,
-        (None, Some(_)) => Source::File,
-        (None, None) => Source::Factory,
+    let settings = SETTINGS.init_with(Settings::factory);
+    let (store, start) = flash.map(|flash| block_on(open(flash, form.buffer(), settings, reset))).unzip();
+    let Start { stored, on_trial } = start.unwrap_or(Start { stored: false, on_trial: false });
+    let source = match base {
+        _ if stored => Source::Flash,
+        Some(base) => {
+            settings.clone_from(base);
+            Source::File
+        }
+        None => {
+            *settings = Settings::factory();
+            Source::Factory
+        }
     };
-    let settings =
-        SETTINGS.init_with(|| document.or_else(|| base.cloned()).unwrap_or_else(Settings::factory));
     let keeper = KEEPER.init_with(|| Keeper::new(form, source, base, store.is_some()));
     log::info!("settings: {}{}", source.name(), if on_trial { ", on trial" } else { "" });
     if on_trial {
@@ -60,8 +65,13 @@ pub fn settings(flash: Option<Flash>, base: Option<&'static Settings>, reset: bo
     InForce { settings, keeper, store }
 }
 
-async fn open(flash: Flash, buffer: &mut [u8], reset: bool) -> (Store<Flash>, Start) {
-    let (mut store, start) = Store::open(flash, buffer).await;
+async fn open(
+    flash: Flash,
+    buffer: &mut [u8],
+    settings: &mut Settings,
+    reset: bool,
+) -> (Store<Flash>, Start) {
+    let (mut store, start) = Store::open(flash, buffer, settings).await;
     if !reset {
         return (store, start);
     }
@@ -69,7 +79,7 @@ async fn open(flash: Flash, buffer: &mut [u8], reset: bool) -> (Store<Flash>, St
         Ok(()) => log::warn!("the button is held: back to the factory settings"),
         Err(error) => log::error!("the button is held, but the factory settings cannot be kept: {error:?}"),
     }
-    (store, Start { document: None, on_trial: false })
+    (store, Start { stored: false, on_trial: false })
 }
 
 /// Builds the gateway; once a process. The settings must have passed [`Settings::check`].

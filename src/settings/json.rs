@@ -2,6 +2,9 @@
 
 use core::fmt;
 
+use serde::de::DeserializeSeed;
+
+use super::document::Place;
 use super::{Problem, Settings, VERSION};
 
 /// Why a text is no document.
@@ -29,19 +32,17 @@ impl fmt::Display for Error {
 /// Longest text with escapes.
 const ESCAPED: usize = 128;
 
-/// Reads a document, without [checking](Settings::check) it.
-pub fn read(text: &[u8]) -> Result<Settings, Error> {
-    let error = match serde_json_core::from_slice_escaped(text, &mut [0; ESCAPED]) {
-        Ok((settings, used)) if text.get(used..).unwrap_or_default().trim_ascii().is_empty() => {
-            return Ok(settings);
-        }
-        Ok(_) => serde_json_core::de::Error::TrailingCharacters,
-        Err(error) => error,
-    };
+/// Reads a document into its place, without [checking](Settings::check) it. Where that fails, half of it may be there.
+pub fn read(text: &[u8], settings: &mut Settings) -> Result<(), Error> {
+    let mut escaped = [0; ESCAPED];
+    let mut deserializer = serde_json_core::de::Deserializer::new(text, Some(&mut escaped));
+    *settings = Settings::blank();
+    let read = Place(settings).deserialize(&mut deserializer).and_then(|()| deserializer.end());
     // Another version has other keys: that is what there is to say then.
-    match version(text) {
-        Some(version) if version != VERSION => Err(Error::Version(version)),
-        _ => Err(Error::Json(error)),
+    match (read, version(text)) {
+        (Ok(_), _) => Ok(()),
+        (Err(_), Some(version)) if version != VERSION => Err(Error::Version(version)),
+        (Err(error), _) => Err(Error::Json(error)),
     }
 }
 

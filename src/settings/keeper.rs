@@ -204,8 +204,9 @@ impl Lent<'_> {
     #[inline(never)]
     pub fn draft(&mut self, in_force: &Settings) -> Result<bool, Refusal> {
         let form = self.form.as_ref().ok_or(Refusal::Flash)?;
-        let settings =
-            json::read(form.bytes.get(..form.length).unwrap_or_default()).map_err(Refusal::Text)?;
+        let mut settings = Settings::blank();
+        let text = form.bytes.get(..form.length).unwrap_or_default();
+        json::read(text, &mut settings).map_err(Refusal::Text)?;
         settings.check().map_err(Refusal::Settings)?;
         self.write(in_force, Some(&settings), &settings)
     }

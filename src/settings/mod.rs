@@ -3,6 +3,7 @@
 
 mod check;
 mod cidr;
+mod document;
 pub mod json;
 pub mod keeper;
 pub mod record;
@@ -31,20 +32,17 @@ pub const VERSION: u32 = 1;
 pub type Name = String<16>;
 
 /// The whole document.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Settings {
     /// Version of the keys, [`VERSION`].
-    #[serde(default = "default_version")]
     pub version: u32,
     /// TCP side.
-    #[serde(default)]
     pub net: Net,
     /// The buses.
     #[serde(rename = "bus")]
     pub buses: Vec<Bus, BUSES>,
     /// The axes.
-    #[serde(rename = "axis", default)]
+    #[serde(rename = "axis")]
     pub axes: Vec<Axis, AXES>,
 }
 
@@ -217,10 +215,6 @@ fn unless_family<S: Serializer>(registers: &Registers, serializer: S) -> Result<
 
 fn or_family<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Registers, D::Error> {
     Option::<Registers>::deserialize(deserializer).map(Option::unwrap_or_default)
-}
-
-fn default_version() -> u32 {
-    VERSION
 }
 
 fn default_baud() -> u32 {

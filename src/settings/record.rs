@@ -5,7 +5,10 @@
 //! price is that a document has no keys: any change of the types in [`Settings`](super::Settings) is a new [`FORMAT`],
 //! with a reader for each old one that is to stay readable. A record of another format is refused as a whole.
 
+use serde::de::DeserializeSeed;
+
 use super::Settings;
+use super::document::Place;
 
 /// Number of the form that records and documents have.
 const FORMAT: u8 = 1;
@@ -62,9 +65,6 @@ pub struct Record<'r> {
     tried: &'r [u8],
 }
 
-/// A document, or none for the factory settings.
-pub type Document = Option<Settings>;
-
 /// A document that this firmware cannot read, or that does not hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Unreadable;
@@ -80,26 +80,32 @@ impl<'r> Record<'r> {
         Some(Self { serial, trial, confirmed, tried })
     }
 
-    /// The last confirmed document.
-    pub fn confirmed(&self) -> Result<Document, Unreadable> {
-        document(self.confirmed)
+    /// Reads the last confirmed document into its place; false where it is the factory settings, which are not here.
+    /// Where that fails, the place is as before.
+    pub fn confirmed(&self, settings: &mut Settings) -> Result<bool, Unreadable> {
+        document(self.confirmed, settings)
     }
 
-    /// The document on trial.
-    pub fn tried(&self) -> Result<Document, Unreadable> {
-        document(self.tried)
+    /// As [`confirmed`](Self::confirmed), the document on trial.
+    pub fn tried(&self, settings: &mut Settings) -> Result<bool, Unreadable> {
+        document(self.tried, settings)
     }
 }
 
-fn document(bytes: &[u8]) -> Result<Document, Unreadable> {
+#[inline(never)]
+fn document(bytes: &[u8], settings: &mut Settings) -> Result<bool, Unreadable> {
     if bytes.is_empty() {
-        return Ok(None);
+        return Ok(false);
     }
-    let (settings, rest) = postcard::take_from_bytes::<Settings>(bytes).map_err(|_| Unreadable)?;
-    if !rest.is_empty() || settings.check().is_err() {
+    let mut found = Settings::blank();
+    let mut deserializer = postcard::Deserializer::from_bytes(bytes);
+    Place(&mut found).deserialize(&mut deserializer).map_err(|_| Unreadable)?;
+    let rest = deserializer.finalize().map_err(|_| Unreadable)?;
+    if !rest.is_empty() || found.check().is_err() {
         return Err(Unreadable);
     }
-    Ok(Some(settings))
+    settings.clone_from(&found);
+    Ok(true)
 }
 
 /// Writes a record, whose serial number is stamped later: its length.

@@ -11,7 +11,7 @@ use sequential_storage::cache::{Cache, CacheImpl};
 use sequential_storage::queue::{QueueConfig, QueueStorage};
 
 use super::Settings;
-use super::record::{self, Document, Record, Trial};
+use super::record::{self, Record, Trial};
 
 const PAGES: u32 = 2;
 
@@ -33,10 +33,10 @@ impl From<record::TooLarge> for Error {
 }
 
 /// What a start finds.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Start {
-    /// The document to be in force; none for the factory settings.
-    pub document: Document,
+    /// A document; otherwise the factory settings are to be in force.
+    pub stored: bool,
     /// It is on trial, and this is its one start.
     pub on_trial: bool,
 }
@@ -62,12 +62,16 @@ pub struct Store<F> {
 }
 
 impl<F: NorFlash> Store<F> {
-    /// Reads what is to be in force, as a start of the gateway does: a new document on trial has its start with it.
-    /// Flash that cannot be read counts as blank. `buffer` is used meanwhile.
-    pub async fn open(flash: F, buffer: &mut [u8]) -> (Self, Start) {
+    /// Reads what is to be in force into its place, as a start of the gateway does: a new document on trial has its
+    /// start with it. Flash that cannot be read counts as blank. `buffer` is used meanwhile. Where nothing is stored, the
+    /// place is left as anything.
+    pub async fn open(flash: F, buffer: &mut [u8], settings: &mut Settings) -> (Self, Start) {
         let mut store = Self { flash, page: None, room: false, serial: 0 };
         store.find_newest(buffer).await;
-        let start = store.start(buffer).await;
+        let start = match store.start_trial(buffer, settings).await {
+            Some(stored) => Start { stored, on_trial: true },
+            None => Start { stored: store.read_confirmed(buffer, settings).await, on_trial: false },
+        };
         (store, start)
     }
 
@@ -80,31 +84,30 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    async fn start(&mut self, buffer: &mut [u8]) -> Start {
-        if let Some(document) = self.start_trial(buffer).await {
-            return Start { document, on_trial: true };
-        }
+    /// Reads the last confirmed document that can be used; false where that is the factory settings.
+    async fn read_confirmed(&mut self, buffer: &mut [u8], settings: &mut Settings) -> bool {
         let mut below = u32::MAX;
         while let Some((serial, length)) = self.load(buffer, below).await {
             let record = buffer.get(..length).and_then(Record::parse);
-            if let Some(Ok(document)) = record.map(|record| record.confirmed()) {
-                return Start { document, on_trial: false };
+            if let Some(Ok(stored)) = record.map(|record| record.confirmed(settings)) {
+                return stored;
             }
             log::error!("settings {serial} in flash cannot be used; looking for older ones");
             below = serial;
         }
-        Start { document: None, on_trial: false }
+        false
     }
 
-    /// The document whose trial begins with this start, if there is one.
-    async fn start_trial(&mut self, buffer: &mut [u8]) -> Option<Document> {
+    /// Reads the document whose trial begins with this start, if there is one; false where it is the factory settings.
+    async fn start_trial(&mut self, buffer: &mut [u8], settings: &mut Settings) -> Option<bool> {
         let (_, length) = self.load(buffer, u32::MAX).await?;
         let bytes = buffer.get_mut(..length)?;
-        let document = Record::parse(bytes).filter(|record| record.trial == Trial::New)?.tried().ok()?;
+        let record = Record::parse(bytes).filter(|record| record.trial == Trial::New)?;
+        let stored = record.tried(settings).ok()?;
         record::start(bytes);
-        // Where its start cannot be noted, it has none.
+        // Where its start cannot be noted, it has none, and other settings are read over it.
         self.keep(buffer, length).await.ok()?;
-        Some(document)
+        Some(stored)
     }
 
     /// Keeps a confirmed document.

@@ -3,15 +3,29 @@
 mod nor;
 
 use embassy_futures::block_on;
+use embedded_storage_async::nor_flash::NorFlash;
 use nor::{Nor, Random};
 use proptest::prelude::*;
 use puente::settings::Settings;
-use puente::settings::store::{Start, Store};
+use puente::settings::store::{self, Store};
 
 /// Room for a record with two documents.
 const BUFFER: usize = 4096;
 
 type Document = Option<Settings>;
+
+/// What a start finds.
+#[derive(Clone, Debug, PartialEq)]
+struct Start {
+    document: Document,
+    on_trial: bool,
+}
+
+async fn open<F: NorFlash>(flash: F, buffer: &mut [u8]) -> (Store<F>, Start) {
+    let mut settings = Settings::factory();
+    let (store, store::Start { stored, on_trial }) = Store::open(flash, buffer, &mut settings).await;
+    (store, Start { document: stored.then_some(settings), on_trial })
+}
 
 /// What the flash is to know.
 #[derive(Clone, Debug, PartialEq)]
@@ -79,7 +93,7 @@ impl Act {
     fn carry_out<const W: usize, const P: usize>(&self, nor: &mut Nor<W, P>, confirmed: &Document) -> bool {
         let mut buffer = [0; BUFFER];
         block_on(async {
-            let (mut store, _) = Store::open(nor, &mut buffer).await;
+            let (mut store, _) = open(nor, &mut buffer).await;
             match self {
                 Act::Start => true,
                 Act::Put(document) => store.put(&mut buffer, document.as_ref()).await.is_ok(),
@@ -114,7 +128,7 @@ fn document(random: &mut Random) -> Document {
 
 fn start<const W: usize, const P: usize>(nor: &mut Nor<W, P>) -> Start {
     let mut buffer = [0; BUFFER];
-    block_on(Store::open(nor, &mut buffer)).1
+    block_on(open(nor, &mut buffer)).1
 }
 
 /// Cuts the power at each operation of an act on this flash, in `ways` ways, and looks what is left: how often it did.
@@ -237,7 +251,7 @@ fn large(random: &mut Random) -> Settings {
 fn goes_on<const W: usize, const P: usize>(mut nor: Nor<W, P>) -> Start {
     let mut buffer = [0; BUFFER];
     let document = document(&mut Random::new(7));
-    let (mut store, found) = block_on(Store::open(&mut nor, &mut buffer));
+    let (mut store, found) = block_on(open(&mut nor, &mut buffer));
     let mut put = || block_on(store.put(&mut buffer, document.as_ref()));
     // A page that is rotten, not torn, may swallow one record; that is noticed, and the next goes to the other page.
     assert!(put().is_ok() || put().is_ok());
