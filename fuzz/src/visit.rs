@@ -111,7 +111,7 @@ static DESK: Desk = Desk::new();
 
 /// The gateway of all visits, with the factory settings.
 fn gateway() -> &'static Gateway {
-    let settings = Settings::factory();
+    let settings: &Settings = Box::leak(Box::new(Settings::factory()));
     let buses = settings.buses.iter().map(|bus| BusSpec {
         units: bus.units,
         queue_timeout: Duration::from_secs(3),
@@ -128,7 +128,7 @@ fn gateway() -> &'static Gateway {
     });
     let axes = Axes::new(&DESK, axes);
     let keeper = keeper::Keeper::new(Box::leak(Box::default()), Source::Factory, None, false);
-    Box::leak(Box::new(Gateway::new(Box::leak(Box::new(settings)), &DESK, axes, Box::leak(Box::new(keeper)))))
+    Box::leak(Box::new(Gateway::new(settings, &DESK, axes, Box::leak(Box::new(keeper)))))
 }
 
 /// A bus without wire: each request is answered at once, with a plain reply or not at all.

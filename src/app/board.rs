@@ -2,10 +2,13 @@
 
 use embassy_executor::Spawner;
 
-use super::{InForce, bus_task, front_task, keeper_task, line_settings, master, watch_task};
+use super::vital::feeder_task;
+use super::{InForce, bus_task, front_task, keeper_task, lamps, line_settings, master, watch_task};
+use crate::clock;
 use crate::front::Gateway;
-use crate::port::embedded::{Address, Network};
-use crate::port::{Board, Place};
+use crate::port::embedded::Address;
+use crate::port::record::Reset;
+use crate::port::{self, Board, Leds, Network, Place};
 use crate::settings::Net;
 
 /// Starts the gateway, whose tasks go on after this returns. Call it once, first of all.
@@ -14,44 +17,68 @@ use crate::settings::Net;
 #[inline(never)]
 pub fn start(spawner: Spawner) {
     let mut board = Board::start(spawner);
+    log::info!("puente {}, MAC {:02x?}", env!("CARGO_PKG_VERSION"), board.mac);
     let InForce { settings, keeper, store } = super::settings(board.flash.take(), None, board.button);
-    let network = board.connect(spawner, address(&settings.net));
-    log::info!("puente {} at {}, MAC {:02x?}", env!("CARGO_PKG_VERSION"), settings.net.address, network.mac);
     let gateway = super::build(settings, keeper);
-    buses(gateway, &mut board);
+    resume(gateway, board.moving);
+    let whole = buses(gateway, &mut board);
+    clients(gateway, &board.network, spawner);
+    let net = &gateway.settings.net;
+    board.network.join(spawner, address(net), net.port, net.modbus_port);
     if let Some(store) = store {
-        spawner.spawn(keeper_task(keeper, gateway.desk, store).expect("one task"));
+        spawner.spawn(keeper_task(keeper, gateway.desk, store).expect("one keeper"));
     }
-    clients(gateway, &network, spawner);
+    spawner.spawn(feeder_task(gateway).expect("one feeder"));
+    let lamps = lamps_task(gateway, board.network, board.leds, whole);
+    spawner.spawn(lamps.expect("the lamps are started once"));
 }
 
+#[inline(never)]
 fn address(net: &Net) -> Address {
     Address {
+        dhcp: net.dhcp,
         ip: net.address.address.octets(),
         prefix: net.address.prefix,
-        gateway: net.router.map(|router| router.octets()),
+        router: net.router.map(|router| router.octets()),
+        hostname: net.hostname.clone(),
     }
 }
 
-/// The buses run above the clients, so that no client delays them.
-fn buses(gateway: &'static Gateway, board: &mut Board) {
+/// Tells why the board has started, and has the axes stopped that may have moved when it was reset.
+#[inline(never)]
+fn resume(gateway: &Gateway, moving: u32) {
+    let Some(history) = port::history().filter(|history| history.cause != Reset::PowerOn) else { return };
+    log::warn!("started after {}", history.cause.name());
+    for (axis, _) in gateway.axes.iter().filter(|(axis, _)| moving >> axis & 1 != 0) {
+        gateway.desk.restarted(clock::now(), axis);
+    }
+}
+
+/// The buses run above the clients, so that no client delays them. False where one of them does not run.
+fn buses(gateway: &'static Gateway, board: &mut Board) -> bool {
+    let mut whole = true;
     for index in (0..).take(gateway.settings.buses.len()) {
-        bus(gateway, board, index);
+        whole &= bus(gateway, board, index);
     }
     for (axis, _) in gateway.axes.iter() {
         board.buses.spawn(watch_task(gateway, axis).expect("one task an axis"));
     }
+    whole
 }
 
 #[inline(never)]
-fn bus(gateway: &'static Gateway, board: &mut Board, index: u8) {
-    let Some(bus) = gateway.settings.buses.get(usize::from(index)) else { return };
+fn bus(gateway: &'static Gateway, board: &mut Board, index: u8) -> bool {
+    let Some(bus) = gateway.settings.buses.get(usize::from(index)) else { return false };
     match board.lines.open(&bus.port, line_settings(bus)) {
         Ok(line) => board.buses.spawn(
             bus_task(gateway.desk, index, line, master(gateway.settings, bus)).expect("one task a bus"),
         ),
-        Err(error) => log::error!("[[bus]] \"{}\" port: {error}", bus.name),
+        Err(error) => {
+            log::error!("[[bus]] \"{}\" port: {error}", bus.name);
+            return false;
+        }
     }
+    true
 }
 
 #[inline(never)]
@@ -65,4 +92,10 @@ fn clients(gateway: &'static Gateway, network: &Network, spawner: Spawner) {
 #[inline(never)]
 fn client(gateway: &'static Gateway, spawner: Spawner, seat: u8, place: Place) {
     spawner.spawn(front_task(gateway, seat, place).expect("one task a place"));
+}
+
+/// Shows the state of the gateway.
+#[embassy_executor::task]
+async fn lamps_task(gateway: &'static Gateway, network: Network, mut leds: Leds, whole: bool) -> ! {
+    lamps::show(gateway, &mut leds, || network.link(), whole).await
 }

@@ -70,7 +70,7 @@ pub struct Net {
     /// The router of that network, where there is one.
     pub router: Option<Ipv4Addr>,
     /// The board's name on the network.
-    pub hostname: String<63>,
+    pub hostname: String<32>,
 }
 
 impl Default for Net {

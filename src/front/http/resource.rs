@@ -20,6 +20,10 @@ pub(super) enum Resource<'p> {
     Parameter(&'p str, &'p str),
     /// `/api/buses`
     Buses,
+    /// `/api/system`
+    System,
+    /// `/api/log`
+    Log,
     /// `/metrics`
     Metrics,
     /// `/api/config`
@@ -55,6 +59,8 @@ impl<'p> Resource<'p> {
             ["api", "config"] => Resource::Config,
             ["api", "config", "confirm"] => Resource::Confirm,
             ["api", "config", "state"] => Resource::ConfigState,
+            ["api", "system"] => Resource::System,
+            ["api", "log"] => Resource::Log,
             ["metrics"] => Resource::Metrics,
             [name] => Resource::Asset(page::asset(name)?),
             _ => return None,
@@ -71,6 +77,8 @@ impl<'p> Resource<'p> {
             | Resource::Axes
             | Resource::Axis(_)
             | Resource::Buses
+            | Resource::System
+            | Resource::Log
             | Resource::Metrics
             | Resource::ConfigState => "GET, HEAD",
         }
@@ -122,6 +130,8 @@ mod tests {
             ("/api/config", Resource::Config),
             ("/api/config/confirm", Resource::Confirm),
             ("/api/config/state", Resource::ConfigState),
+            ("/api/system", Resource::System),
+            ("/api/log", Resource::Log),
             ("/metrics", Resource::Metrics),
             ("/", Resource::Asset(&page::INDEX)),
         ] {
@@ -163,6 +173,8 @@ mod tests {
             "/api/config",
             "/api/config/confirm",
             "/api/config/state",
+            "/api/system",
+            "/api/log",
             "/metrics",
         ] {
             let resource = Resource::find(path).expect("a path");

@@ -3,28 +3,31 @@
 //! Interrupt priorities are in `interrupt.rs`: in the same order as those of the Nucleo boards.
 
 mod clock;
-pub mod defaults;
 mod executor;
-mod fault;
 mod flash;
 mod host;
 mod interrupt;
 mod lan9118;
+mod leds;
 mod line;
 mod lines;
 mod log;
 mod registers;
 mod stack;
+mod watchdog;
 
 use embassy_executor::{SendSpawner, Spawner};
 use embassy_net::Runner;
 
 pub use executor::run;
 pub use flash::Flash;
+pub use leds::Leds;
 pub use line::Line;
 pub use lines::{BadPort, Lines, check_line};
+pub(super) use log::{last_words, log, logs};
+pub use watchdog::Watchdog;
 
-use crate::port::embedded::{self, Address, Network};
+use crate::port::embedded::{Network, network, vital};
 use lan9118::Lan9118;
 
 /// TCP sequence numbers can be guessed here: there is no source of random numbers, and nobody to guess them.
@@ -36,6 +39,14 @@ pub struct Board {
     pub buses: SendSpawner,
     /// The serial lines.
     pub lines: Lines,
+    /// Its LEDs.
+    pub leds: Leds,
+    /// The board's MAC address.
+    pub mac: [u8; 6],
+    /// The axes that may have moved when the board was reset, a bit each.
+    pub moving: u32,
+    /// The connection to the network.
+    pub network: Network,
     /// Where the settings are kept.
     pub flash: Option<Flash>,
     /// The user button is held.
@@ -43,35 +54,39 @@ pub struct Board {
 }
 
 impl Board {
-    /// Starts clock and executors. Call it once, first of all.
+    /// Starts clock, network and executors. Call it once, first of all.
     #[inline(never)]
     pub fn start(spawner: Spawner) -> Self {
+        let moving = vital::begin(None);
         log::start();
         if let Some(mut core) = cortex_m::Peripherals::take() {
             interrupt::start(&mut core.NVIC);
         }
         clock::start();
+        let device = Lan9118::start();
+        let mac = device.mac();
+        let (network, runner) = network(device, SEED);
+        spawner.spawn(network_task(runner).expect("the network task is started once"));
         spawner.spawn(stack::watch().expect("the watch is started once"));
         Self {
             buses: executor::start(),
             lines: Lines::new(),
+            leds: Leds,
+            mac,
+            moving,
+            network,
             flash: Flash::take(),
             button: registers::EMULATOR.read(0) == 1,
         }
     }
+}
 
-    /// Starts the network. Call it once.
-    #[inline(never)]
-    pub fn connect(&mut self, spawner: Spawner, address: Address) -> Network {
-        let device = Lan9118::start();
-        let mac = device.mac();
-        let (stack, runner) = embedded::stack(device, address, SEED);
-        spawner.spawn(network(runner).expect("the network task is started once"));
-        Network { mac, stack }
-    }
+/// Temperature of the chip in degrees Celsius, where it has a sensor.
+pub fn temperature() -> Option<i16> {
+    None
 }
 
 #[embassy_executor::task]
-async fn network(mut runner: Runner<'static, Lan9118>) -> ! {
+async fn network_task(mut runner: Runner<'static, Lan9118>) -> ! {
     runner.run().await
 }

@@ -8,7 +8,7 @@ use embassy_stm32::flash::{self, Blocking};
 use embassy_stm32::peripherals::FLASH;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 
-use super::board;
+use super::{board, watchdog};
 use crate::port::{SettingsFlash, nor};
 
 const PAGE: usize = board::SECTOR;
@@ -30,8 +30,15 @@ impl Flash {
     }
 }
 
-/// Begins, and ends, what may take 4 s for a sector: a watchdog must bear that.
-fn erasing(_begins: bool) {}
+/// Reads flash that has no checksums.
+#[cfg(not(feature = "nucleo-h753zi"))]
+pub(super) fn read_plain(address: usize, bytes: &mut [u8]) {
+    let flash = address as *const u8;
+    for (number, byte) in bytes.iter_mut().enumerate() {
+        // SAFETY: the caller stays within the flash.
+        *byte = unsafe { flash.add(number).read_volatile() };
+    }
+}
 
 fn failed(error: flash::Error) -> NorFlashErrorKind {
     log::error!("flash: {error:?}");
@@ -63,9 +70,10 @@ impl NorFlash for Flash {
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
         let length = to.checked_sub(from).ok_or(NorFlashErrorKind::OutOfBounds)? as usize;
         nor::check(from, length, PAGE, CAPACITY)?;
-        erasing(true);
+        // A sector may take 4 s, during which nobody feeds the watchdog.
+        watchdog::widen();
         let erased = self.0.blocking_erase(START + from, START + to);
-        erasing(false);
+        watchdog::narrow();
         erased.map_err(failed)
     }
 

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use puente_line::Settings;
+use puente_line::{Parity, Settings};
 
 use super::board;
 use super::line::{Line, a, b, config};
@@ -36,8 +36,11 @@ pub fn check_line(port: &str, settings: Settings) -> Result<(), BadPort> {
     if !matches!(port, "rs485-a" | "rs485-b") {
         return Err(BadPort::Unknown);
     }
-    let formats = config(settings).is_ok();
-    if formats && board::BAUD.contains(&settings.baud) { Ok(()) } else { Err(BadPort::Settings) }
+    let format = settings.format;
+    let seven = format.data_bits == 7 && format.parity == Parity::None;
+    let can =
+        config(settings).is_ok() && (board::SEVEN_BITS || !seven) && board::BAUD.contains(&settings.baud);
+    if can { Ok(()) } else { Err(BadPort::Settings) }
 }
 
 impl Lines {
