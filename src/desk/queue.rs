@@ -5,8 +5,8 @@ use core::task::Waker;
 use embassy_sync::waitqueue::WakerRegistration;
 use heapless::Vec;
 use puente_line::Instant;
-use puente_modbus::request::Request;
 use puente_modbus::Outcome;
+use puente_modbus::request::Request;
 
 use super::{Class, Desk, Failure, Order, Reason};
 use crate::bus::{End, Haste, Job, Next, Ticket, Work};
