@@ -125,10 +125,9 @@ impl Gateway {
 
     fn on_board_with(image: &Path, document: &Document) -> Self {
         let mut places = document.places().map(|place| place.address().expect("a port"));
-        let lines = [places.next(), places.next()];
+        let mut setup = Setup::new(image, places.next().expect("a bus"));
+        setup.lines[1] = places.next();
         assert!(places.next().is_none(), "a board has two lines");
-        let setup =
-            Setup { image: image.into(), lines, ports: [0, 0], ethernet: None, button: false, plugin: None };
         let gateway = Self::on_board(&setup);
         let settings = board::json(&document.text(&gateway.ports));
         board::put(gateway.main, &settings);
