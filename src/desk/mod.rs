@@ -137,7 +137,7 @@ struct Bus {
 struct State {
     queue: queue::Queue,
     buses: Vec<Bus, BUSES>,
-    leases: [lease::AxisLease; AXES],
+    leases: Vec<lease::AxisLease, AXES>,
     lease_time: Duration,
     /// No lease is given any more.
     closed: bool,
@@ -157,13 +157,13 @@ impl Default for Desk {
 }
 
 impl Desk {
-    /// A desk without buses, for a static.
+    /// A desk without buses, for a static. It is all zeros, which take no flash.
     pub const fn new() -> Self {
         Self {
             state: Mutex::new(RefCell::new(State {
                 queue: queue::Queue::new(),
                 buses: Vec::new(),
-                leases: [const { lease::AxisLease::new() }; AXES],
+                leases: Vec::new(),
                 lease_time: Duration::ZERO,
                 closed: false,
             })),
@@ -176,6 +176,7 @@ impl Desk {
     pub fn configure(&self, specs: impl IntoIterator<Item = BusSpec>, lease_time: Duration) {
         self.with(|state| {
             state.lease_time = lease_time;
+            state.leases = core::iter::repeat_with(lease::AxisLease::new).take(AXES).collect();
             for spec in specs.into_iter().take(BUSES) {
                 let breaker = breaker::Breaker::new(spec.reply_timeout);
                 // There is room: no more than BUSES are taken.
