@@ -20,8 +20,8 @@ pub fn start(spawner: Spawner) {
     log::info!("puente {}, MAC {:02x?}", env!("CARGO_PKG_VERSION"), board.mac);
     let InForce { settings, keeper, store } = super::settings(board.flash.take(), None, board.button);
     let gateway = super::build(settings, keeper);
-    resume(gateway, board.moving);
-    let whole = buses(gateway, &mut board);
+    let failed = resume(gateway, board.moving);
+    let whole = buses(gateway, &mut board) && !failed;
     clients(gateway, &board.network, spawner);
     let net = &gateway.settings.net;
     board.network.join(spawner, address(net), net.port, net.modbus_port);
@@ -44,14 +44,18 @@ fn address(net: &Net) -> Address {
     }
 }
 
-/// Tells why the board has started, and has the axes stopped that may have moved when it was reset.
+/// Tells why the board has started, and has the axes stopped that may have moved when it was reset. True where the
+/// firmware had failed.
 #[inline(never)]
-fn resume(gateway: &Gateway, moving: u32) {
-    let Some(history) = port::history().filter(|history| history.cause != Reset::PowerOn) else { return };
+fn resume(gateway: &Gateway, moving: u32) -> bool {
+    let Some(history) = port::history().filter(|history| history.cause != Reset::PowerOn) else {
+        return false;
+    };
     log::warn!("started after {}", history.cause.name());
     for (axis, _) in gateway.axes.iter().filter(|(axis, _)| moving >> axis & 1 != 0) {
         gateway.desk.restarted(clock::now(), axis);
     }
+    history.cause.is_failure()
 }
 
 /// The buses run above the clients, so that no client delays them. False where one of them does not run.

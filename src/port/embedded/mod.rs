@@ -4,6 +4,8 @@
 mod address;
 pub mod defaults;
 mod doors;
+#[cfg(feature = "test-hooks")]
+mod echo;
 mod fault;
 #[cfg(feature = "test-hooks")]
 pub(super) mod hooks;
