@@ -141,6 +141,8 @@ fn a_network_on_trial_does_not_outlast_the_power() {
     document["net"]["idle_s"] = json!(77);
     assert!(!change(gateway, &document));
     assert!(change(gateway, &elsewhere(&document)));
+    // It has had its start.
+    assert_eq!(get(gateway, CONFIG), elsewhere(&document));
     gateway.cycle_power();
     assert_eq!(get(gateway, CONFIG), document);
     assert_eq!(get(gateway, STATE), json!({"settings": "flash", "trial_left_s": null}));
