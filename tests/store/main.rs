@@ -1,3 +1,5 @@
+//! Host alone: the flash is simulated.
+//!
 //! The settings in flash: the power is cut at every single operation of long histories, and the flash holds anything.
 
 mod nor;
