@@ -1,4 +1,4 @@
-//! Host alone: no gateway runs.
+//! Host alone: the flash is simulated.
 //!
 //! The settings in flash: the power is cut at every single operation of long histories, and the flash holds anything.
 
