@@ -10,7 +10,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use puente_cell::Cell;
-use puente_emulator::{Emulator, Setup};
+use puente_emulator::{ADDRESSED, Emulator, Setup};
 
 use super::rig::Rig;
 use super::wire::Wire;
@@ -73,9 +73,9 @@ impl Log {
         log.push('\n');
     }
 
-    /// How often a board has started.
+    /// How often a board has started and got its address.
     fn starts(&self) -> usize {
-        self.text().matches("INFO ] puente ").count()
+        self.text().matches(ADDRESSED).count()
     }
 
     fn text(&self) -> String {
