@@ -10,7 +10,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use puente_cell::Cell;
-use puente_emulator::{Emulator, Setup};
+use puente_emulator::{ADDRESSED, Emulator, Setup};
 
 use super::rig::Rig;
 use super::wire::Wire;
@@ -73,9 +73,9 @@ impl Log {
         log.push('\n');
     }
 
-    /// How often a board has started.
+    /// How often a board has started and got its address.
     fn starts(&self) -> usize {
-        self.text().matches("INFO ] puente ").count()
+        self.text().matches(ADDRESSED).count()
     }
 
     fn text(&self) -> String {
@@ -211,10 +211,9 @@ impl Gateway {
 
     fn on_board_with(image: &Path, document: &Document) -> Self {
         let mut places = document.places().map(|place| place.address().expect("a port"));
-        let lines = [places.next(), places.next()];
+        let mut setup = Setup::new(image, places.next().expect("a bus"));
+        setup.lines[1] = places.next();
         assert!(places.next().is_none(), "a board has two lines");
-        let setup =
-            Setup { image: image.into(), lines, ports: [0, 0], ethernet: None, button: false, plugin: None };
         let mut gateway = Self::on_board(&setup);
         let settings = board::json(&document.text(&gateway.ports));
         board::put(gateway.main, &settings);

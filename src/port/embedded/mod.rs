@@ -14,7 +14,7 @@ mod mdns;
 mod net;
 mod restart;
 mod socket;
-mod stack;
+pub(super) mod stack;
 pub(super) mod vital;
 
 pub use address::Address;

@@ -21,10 +21,13 @@ pub const QEMU: &str = "qemu-system-arm";
 
 /// How long the firmware may take until it answers, on a slow and busy machine.
 const START: Duration = Duration::from_secs(60);
-/// How long a firmware may take that logs nothing until it is asked all the same.
+/// After this time a firmware is asked all the same that tells no address.
 const SILENCE: Duration = Duration::from_secs(3);
 /// How often other ports are tried where somebody else was faster.
 const ATTEMPTS: usize = 5;
+
+/// How the firmware's log says that it has an address.
+pub const ADDRESSED: &str = " network: ";
 
 /// Where the firmware looks whether the user button is held at start: 1 where it is.
 pub const BUTTON: u32 = 0x203F_F000;
@@ -64,8 +67,8 @@ impl Setup {
 /// A running board. It ends with this value, and with the thread that started it.
 pub struct Emulator {
     child: Child,
-    /// The firmware has said something.
-    speaks: Arc<AtomicBool>,
+    /// The firmware has told its address.
+    addressed: Arc<AtomicBool>,
     monitor: Monitor,
     /// Where this machine reaches the firmware's port of every dialect.
     pub main: SocketAddr,
@@ -114,14 +117,14 @@ impl Emulator {
     }
 
     /// QEMU takes connections before the firmware does: only an answer tells that it is there. What QEMU could not pass
-    /// on to it is repeated after seconds only, so that nothing is asked before the firmware has said its first word.
+    /// on to it is repeated after seconds only, so that nothing is asked before the firmware has told its address.
     fn answers(&mut self) -> Result<(), Silent> {
         let start = Instant::now();
         while start.elapsed() < START {
             if let Some(status) = self.ended() {
                 return Err(Silent::Ended(status));
             }
-            if (self.speaks.load(Ordering::Relaxed) || start.elapsed() > SILENCE) && answers(self.main) {
+            if (self.addressed.load(Ordering::Relaxed) || start.elapsed() > SILENCE) && answers(self.main) {
                 return Ok(());
             }
             thread::sleep(Duration::from_millis(5));
@@ -205,19 +208,18 @@ fn launch(
     qemu.args(["-semihosting-config", "enable=on,target=native"]).arg("-kernel").arg(&setup.image);
     qemu.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = tie(&mut qemu).spawn().map_err(|error| format!("{QEMU}: {error}"))?;
-    let speaks = Arc::new(AtomicBool::new(false));
+    let addressed = Arc::new(AtomicBool::new(false));
     if let Some(stderr) = child.stderr.take() {
-        let speaks = speaks.clone();
+        let addressed = addressed.clone();
         thread::spawn(move || {
             for line in BufReader::new(stderr).lines().map_while(Result::ok) {
-                // QEMU itself says things too.
-                speaks.fetch_or(line.starts_with('['), Ordering::Relaxed);
+                addressed.fetch_or(line.contains(ADDRESSED), Ordering::Relaxed);
                 log(&line);
             }
         });
     }
     let monitor = Monitor::new(child.stdin.take(), child.stdout.take());
-    Ok(Emulator { child, speaks, monitor, main, modbus, echo })
+    Ok(Emulator { child, addressed, monitor, main, modbus, echo })
 }
 
 /// Whether a console command is answered.

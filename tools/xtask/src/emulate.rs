@@ -34,7 +34,7 @@ pub fn run(arguments: &[String]) -> Outcome {
     options.end()?;
     let image = image(firmware::build)?;
     run_command(cargo().args(["build", "--package", "puente-cell", "--bin", "cell", "--quiet"]))?;
-    let cell = Cell::start(Command::new(target_dir()?.join("debug/cell")))?;
+    let cell = Cell::start(&mut Command::new(target_dir()?.join("debug/cell")))?;
     let setup = Setup { ports, ..Setup::new(image, cell.line) };
     let mut board = Emulator::start(&setup, |line| eprintln!("{line}"))?;
     println!("ready http://{} modbus-tcp://{}", board.main, board.modbus);
@@ -72,7 +72,7 @@ fn scenarios() -> std::io::Result<Vec<String>> {
 }
 
 /// Builds the image, and makes sure of QEMU.
-fn image(build: fn(&Cross, &Board) -> Result<PathBuf, String>) -> Result<PathBuf, String> {
+pub fn image(build: fn(&Cross, &Board) -> Result<PathBuf, String>) -> Result<PathBuf, String> {
     if !works(program(QEMU).arg("--version")) {
         install_debian(&[QEMU])?;
     }
@@ -80,15 +80,16 @@ fn image(build: fn(&Cross, &Board) -> Result<PathBuf, String>) -> Result<PathBuf
 }
 
 /// The simulated cell on a TCP port; it ends with this value.
-struct Cell {
+pub struct Cell {
     child: Child,
-    line: SocketAddr,
+    /// Where raw bytes of its line are taken and given.
+    pub line: SocketAddr,
 }
 
 impl Cell {
-    fn start(mut program: Command) -> Result<Self, String> {
+    pub fn start(program: &mut Command) -> Result<Self, String> {
         program.args(["--listen", "127.0.0.1:0"]).stdin(Stdio::null()).stdout(Stdio::piped());
-        let mut child = tie(&mut program).spawn().map_err(|error| format!("the cell: {error}"))?;
+        let mut child = tie(program).spawn().map_err(|error| format!("the cell: {error}"))?;
         let mut ready = String::new();
         if let Some(stdout) = child.stdout.take() {
             BufReader::new(stdout).read_line(&mut ready).map_err(|error| format!("the cell: {error}"))?;

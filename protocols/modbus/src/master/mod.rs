@@ -237,7 +237,7 @@ impl Master {
 
     /// When waiting ends: at the deadline, but not while a frame is arriving, nor ever after the limit.
     fn end(&self, deadline: Instant, limit: Instant) -> Instant {
-        deadline.max(limit.min(self.last_received + self.gap))
+        deadline.max(limit.min(self.last_received + self.receiver.pause().max(self.gap)))
     }
 
     fn transmit(&mut self, now: Instant) {

@@ -1,6 +1,6 @@
 //! Frames out of a line's bytes, in either framing, on the master's side.
 
-use puente_line::Instant;
+use puente_line::{Duration, Instant};
 
 use super::Outgoing;
 use crate::length::{self, Length};
@@ -79,6 +79,15 @@ impl Receiver {
         match self {
             Self::Rtu(stream) => stream.is_unsettled(),
             Self::Ascii { .. } => false,
+        }
+    }
+
+    /// How long the characters of the frame that is arriving may pause. In ASCII that is long, and such pauses happen
+    /// where a system or an adapter hands characters over in pieces.
+    pub fn pause(&self) -> Duration {
+        match self {
+            Self::Ascii { decoder, .. } if decoder.pending() > 0 => ascii::CHARACTER_TIMEOUT,
+            Self::Rtu(_) | Self::Ascii { .. } => Duration::ZERO,
         }
     }
 
