@@ -67,6 +67,7 @@ pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) 
         let sign = now + SIGN;
         let wake = wake.map_or(sign, |wake| wake.min(sign));
         work.alive(sign + LATE);
+        line.expect(master.lacks());
         match select3(line.read(&mut buffer), clock::at(Some(wake)), work.changed()).await {
             Either3::First(Ok(n)) if n > 0 => {
                 master.receive(clock::now(), buffer.get(..n).unwrap_or_default());

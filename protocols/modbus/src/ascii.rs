@@ -9,6 +9,9 @@ use crate::{Frame, FrameError, MAX_PDU, Pdu};
 
 /// Characters of the longest frame, from `:` to LF.
 pub const MAX_ADU: usize = 513;
+
+/// Characters of a frame beside the two for each byte of its PDU: colon, unit, LRC, CR and LF.
+pub(crate) const OVERHEAD: usize = 7;
 /// Longest time between two characters of a frame (clause 2.5.2.1).
 pub const CHARACTER_TIMEOUT: Duration = Duration::from_secs(1);
 

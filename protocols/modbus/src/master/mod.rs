@@ -40,6 +40,8 @@ pub struct Master {
     request: Outgoing,
     /// Characters of the request's echo still to come.
     echo_left: usize,
+    /// Characters still to come until the reply is whole, if it is the normal one.
+    lacking: usize,
     receiver: Receiver,
     last_received: Instant,
     /// Since when, or from when on, the line is silent.
@@ -86,6 +88,7 @@ impl Master {
             state: State::Idle,
             request: Outgoing::none(),
             echo_left: 0,
+            lacking: 0,
             receiver: Receiver::new(config.mode),
             last_received: Instant::ZERO,
             quiet_from: Instant::ZERO,
@@ -148,6 +151,7 @@ impl Master {
         }
         self.elapse(now);
         self.hear(now);
+        self.lacking = self.lacking.saturating_sub(bytes.len());
         for &byte in bytes {
             if self.echo_left > 0 && self.take_echo(byte) {
                 continue;
@@ -201,6 +205,15 @@ impl Master {
         }
     }
 
+    /// Characters that the normal reply still lacks, echo included; at least 1. Those before the last of them decide
+    /// nothing, so that whoever receives need not hurry with them unless the line falls silent.
+    pub fn lacks(&self) -> usize {
+        match self.state {
+            State::Waiting { .. } => self.lacking.max(1),
+            _ => 1,
+        }
+    }
+
     /// What has happened since start-up.
     pub fn counters(&self) -> Counters {
         Counters { garbage_bytes: self.receiver.garbage(), ..self.counters }
@@ -247,6 +260,7 @@ impl Master {
             Echo::Off => 0,
             Echo::Strip | Echo::Verify => self.request.adu.len(),
         };
+        self.lacking = self.echo_left + self.request.reply_adu;
         let sent = now + self.config.line.wire_time(self.request.adu.len());
         self.quiet_from = sent;
         self.busy_from = sent;
