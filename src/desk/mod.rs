@@ -139,8 +139,6 @@ struct State {
     buses: Vec<Bus, BUSES>,
     leases: Vec<lease::AxisLease, AXES>,
     lease_time: Duration,
-    /// No lease is given any more.
-    closed: bool,
 }
 
 /// The desk. One for the whole gateway, shared by every task.
@@ -165,7 +163,6 @@ impl Desk {
                 buses: Vec::new(),
                 leases: Vec::new(),
                 lease_time: Duration::ZERO,
-                closed: false,
             })),
             work: [const { Signal::new() }; BUSES],
             leases_changed: [const { Signal::new() }; AXES],

@@ -7,19 +7,28 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex};
 use std::thread;
+use std::time::{Duration, Instant};
 
 use puente_cell::Cell;
 use puente_emulator::{Emulator, Setup};
 
 use super::rig::Rig;
 use super::wire::Wire;
-use super::{Document, board, client, ms, scratch, target, until};
+use super::{Document, board, client, ms, scratch, target};
+
+/// Longer than a start may take that follows a trial of settings.
+const PATIENCE: Duration = Duration::from_secs(100);
 
 /// A running gateway; it ends with the test, which fails where the gateway has ended or failed before.
 pub struct Gateway {
     process: Process,
     config: Option<PathBuf>,
+    flash: Option<PathBuf>,
     log: Log,
+    /// Where it listened after each start, on the host.
+    ready: Arc<Mutex<Vec<Addresses>>>,
+    /// Starts that the test has seen.
+    starts: usize,
     fails: bool,
     /// The port of every dialect.
     pub main: SocketAddr,
@@ -30,6 +39,9 @@ pub struct Gateway {
     /// The drives of the factory settings, where they are not simulated by the gateway itself.
     _cell: Option<Wire<Cell>>,
 }
+
+/// Of the port of every dialect, and of that of Modbus/TCP alone.
+type Addresses = (SocketAddr, SocketAddr);
 
 /// What the gateway runs in.
 enum Process {
@@ -71,6 +83,39 @@ impl Log {
     }
 }
 
+/// Starts the program. Where it listens is noted each time that it says so.
+fn launch(
+    config: Option<&Path>,
+    flash: Option<&Path>,
+    log: &Log,
+    ready: &Arc<Mutex<Vec<Addresses>>>,
+) -> Child {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_gateway"));
+    for (option, file) in [("--config", config), ("--flash", flash)] {
+        if let Some(file) = file {
+            command.arg(option).arg(file);
+        }
+    }
+    command.args(["--port", "0", "--modbus-port", "0"]).env("RUST_LOG", "info");
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
+    let (stderr, log) = (child.stderr.take().expect("its log"), log.clone());
+    thread::spawn(move || {
+        BufReader::new(stderr).lines().map_while(Result::ok).for_each(|line| log.push(&line));
+    });
+    let (stdout, ready) = (child.stdout.take().expect("its output"), ready.clone());
+    thread::spawn(move || {
+        for line in BufReader::new(stdout).lines().map_while(Result::ok) {
+            let addresses = line.strip_prefix("ready http://").and_then(|rest| {
+                let (main, modbus) = rest.split_once(" modbus-tcp://")?;
+                Some((main.parse().ok()?, modbus.parse().ok()?))
+            });
+            let addresses = addresses.unwrap_or_else(|| panic!("'{line}' is not the line `ready`"));
+            ready.lock().expect("addresses").push(addresses);
+        }
+    });
+    child
+}
+
 impl Gateway {
     /// Starts with these settings, on ports that the system chooses.
     pub fn start(document: &Document) -> Self {
@@ -83,7 +128,7 @@ impl Gateway {
     /// Starts with the factory settings, and three drives on the line.
     pub fn factory() -> Self {
         if !target().is_board() {
-            return Self::run(None, vec!["sim".into()]);
+            return Self::run(None, None, vec!["sim".into()]);
         }
         let Rig { wire, mut gateway } = Rig::on_board(|_| {});
         gateway._cell = Some(wire);
@@ -91,49 +136,89 @@ impl Gateway {
     }
 
     fn on_host(document: &Document) -> Self {
+        Self::on_host_with(document, None)
+    }
+
+    /// Starts on this machine with these settings, and with flash for others.
+    pub fn with_flash(document: &Document) -> Self {
+        Self::on_host_with(document, Some(scratch("flash")))
+    }
+
+    fn on_host_with(document: &Document, flash: Option<PathBuf>) -> Self {
         let ports: Vec<String> = document.places().map(|place| place.port()).collect();
         let config = scratch("settings.toml");
         fs::write(&config, document.text(&ports)).expect("a settings file");
-        Self::run(Some(config), ports)
+        Self::run(Some(config), flash, ports)
     }
 
-    fn run(config: Option<PathBuf>, ports: Vec<String>) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_gateway"));
-        if let Some(config) = &config {
-            command.arg("--config").arg(config);
-        }
-        command.args(["--port", "0", "--modbus-port", "0"]).env("RUST_LOG", "info");
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
-        let log = Log::default();
-        let (stderr, lines) = (child.stderr.take().expect("its log"), log.clone());
-        thread::spawn(move || {
-            BufReader::new(stderr).lines().map_while(Result::ok).for_each(|line| lines.push(&line));
-        });
-        let mut ready = String::new();
-        BufReader::new(child.stdout.take().expect("its output")).read_line(&mut ready).expect("a line");
-        let addresses = ready.trim_end().strip_prefix("ready http://").and_then(|rest| {
-            let (main, modbus) = rest.split_once(" modbus-tcp://")?;
-            Some((main.parse().ok()?, modbus.parse().ok()?))
-        });
-        let Some((main, modbus)) = addresses else {
-            let _ = child.wait();
-            thread::sleep(ms(50));
-            panic!("'{ready}' is not the line `ready`; log:\n{}", log.text());
+    fn run(config: Option<PathBuf>, flash: Option<PathBuf>, ports: Vec<String>) -> Self {
+        let (log, ready) = (Log::default(), Arc::default());
+        let process = Process::Host(launch(config.as_deref(), flash.as_deref(), &log, &ready));
+        // Anything, until it has said where it listens.
+        let nowhere = SocketAddr::from(([127, 0, 0, 1], 0));
+        let (main, modbus) = (nowhere, nowhere);
+        let mut gateway = Self {
+            process,
+            config,
+            flash,
+            log,
+            ready,
+            starts: 0,
+            fails: false,
+            main,
+            modbus,
+            ports,
+            _cell: None,
         };
-        Self { process: Process::Host(child), config, log, fails: false, main, modbus, ports, _cell: None }
+        gateway.await_start();
+        gateway
+    }
+
+    /// Waits until it has started once more.
+    pub fn await_start(&mut self) {
+        self.starts += 1;
+        let deadline = Instant::now() + PATIENCE;
+        loop {
+            let ended = self.process.ended();
+            assert!(ended.is_none() && Instant::now() < deadline, "no start; log:\n{}", self.log());
+            if let Process::Board(_) = &self.process {
+                if self.log.starts() >= self.starts {
+                    return;
+                }
+            } else if let Some(addresses) = self.ready.lock().expect("addresses").get(self.starts - 1) {
+                (self.main, self.modbus) = *addresses;
+                return;
+            }
+            thread::sleep(ms(5));
+        }
+    }
+
+    /// Takes its power, and gives it back. What is in the flash of an emulated board stays.
+    pub fn cycle_power(&mut self) {
+        match &mut self.process {
+            Process::Board(board) => {
+                board.monitor("system_reset").expect("an answer");
+            }
+            Process::Host(child) => {
+                child.kill().expect("killed");
+                child.wait().expect("its end");
+                *child = launch(self.config.as_deref(), self.flash.as_deref(), &self.log, &self.ready);
+            }
+            Process::Ended => panic!("it has ended"),
+        }
+        self.await_start();
     }
 
     fn on_board_with(image: &Path, document: &Document) -> Self {
         let mut places = document.places().map(|place| place.address().expect("a port"));
-        let lines = [places.next(), places.next()];
+        let mut setup = Setup::new(image, places.next().expect("a bus"));
+        setup.lines[1] = places.next();
         assert!(places.next().is_none(), "a board has two lines");
-        let setup =
-            Setup { image: image.into(), lines, ports: [0, 0], ethernet: None, button: false, plugin: None };
-        let gateway = Self::on_board(&setup);
+        let mut gateway = Self::on_board(&setup);
         let settings = board::json(&document.text(&gateway.ports));
         board::put(gateway.main, &settings);
         document.go_live();
-        until("it starts anew", || gateway.log.starts() == 2);
+        gateway.await_start();
         assert!(board::has(gateway.main, &settings), "other settings than {settings}");
         gateway
     }
@@ -150,7 +235,10 @@ impl Gateway {
         Self {
             process: Process::Board(board),
             config: None,
+            flash: None,
             log,
+            ready: Arc::default(),
+            starts: 1,
             fails: false,
             main,
             modbus,
@@ -201,8 +289,8 @@ impl Drop for Gateway {
             let _ = child.kill();
             let _ = child.wait();
         }
-        if let Some(config) = &self.config {
-            let _ = fs::remove_file(config);
+        for file in [&self.config, &self.flash].into_iter().flatten() {
+            let _ = fs::remove_file(file);
         }
         let log = self.log();
         if thread::panicking() {

@@ -46,6 +46,16 @@ impl Rig {
         Self { gateway: Gateway::on_board(&setup), wire }
     }
 
+    /// With flash: the settings of a board's factory, and no others in flash.
+    pub fn with_flash() -> Self {
+        if target().is_board() {
+            return Self::on_board(|_| {});
+        }
+        let wire = cell(Mode::Ascii, thesis(), &[1, 2, 3]);
+        let gateway = Gateway::with_flash(&Self::document(Mode::Ascii, 250, &wire, ""));
+        Self { wire, gateway }
+    }
+
     /// The settings for its cell on `wire`.
     pub fn document(mode: Mode, lease_ms: u64, wire: &Wire<Cell>, more: &str) -> Document {
         let document = Document::new().net(&format!("lease_ms = {lease_ms}"));

@@ -2,6 +2,7 @@
 //! microcontroller allows.
 
 mod address;
+pub mod defaults;
 mod doors;
 #[cfg(feature = "test-hooks")]
 mod echo;

@@ -4,6 +4,7 @@
 
 mod clock;
 mod executor;
+mod flash;
 mod host;
 mod interrupt;
 mod lan9118;
@@ -20,9 +21,10 @@ use embassy_executor::{SendSpawner, Spawner};
 use embassy_net::Runner;
 
 pub use executor::run;
+pub use flash::Flash;
 pub use leds::Leds;
 pub use line::Line;
-pub use lines::{BadPort, Lines};
+pub use lines::{BadPort, Lines, check_line};
 pub(super) use log::{last_words, log, logs};
 pub use watchdog::Watchdog;
 
@@ -46,6 +48,10 @@ pub struct Board {
     pub moving: u32,
     /// The connection to the network.
     pub network: Network,
+    /// Where the settings are kept.
+    pub flash: Option<Flash>,
+    /// The user button is held.
+    pub button: bool,
 }
 
 impl Board {
@@ -63,7 +69,16 @@ impl Board {
         let (network, runner) = network(device, SEED);
         spawner.spawn(network_task(runner).expect("the network task is started once"));
         spawner.spawn(stack::watch().expect("the watch is started once"));
-        Self { buses: executor::start(), lines: Lines::new(), leds: Leds, mac, moving, network }
+        Self {
+            buses: executor::start(),
+            lines: Lines::new(),
+            leds: Leds,
+            mac,
+            moving,
+            network,
+            flash: Flash::take(),
+            button: registers::EMULATOR.read(0) == 1,
+        }
     }
 }
 

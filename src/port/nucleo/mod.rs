@@ -6,6 +6,7 @@
 mod calibration;
 mod can;
 mod executor;
+mod flash;
 mod leds;
 mod line;
 mod lines;
@@ -34,14 +35,16 @@ mod driver_enable;
 mod driver_enable;
 
 use embassy_executor::{SendSpawner, Spawner};
-use embassy_stm32::gpio::AnyPin;
+use embassy_stm32::gpio::{AnyPin, Input, Pull};
+use embassy_stm32::peripherals::PC13;
 use embassy_stm32::rng::Rng;
 use embassy_stm32::{Peri, uid};
 
 pub use executor::run;
+pub use flash::Flash;
 pub use leds::Leds;
 pub use line::{Error as LineError, Line};
-pub use lines::{BadPort, Lines};
+pub use lines::{BadPort, Lines, check_line};
 pub(super) use log::{last_words, log, logs};
 pub use temperature::temperature;
 pub use watchdog::Watchdog;
@@ -62,6 +65,10 @@ pub struct Board {
     pub moving: u32,
     /// The connection to the network.
     pub network: Network,
+    /// Where the settings are kept; none where the flash is not as this image knows it.
+    pub flash: Option<Flash>,
+    /// The user button is held.
+    pub button: bool,
 }
 
 /// What is not in the same place on every board.
@@ -110,6 +117,18 @@ impl Board {
             mac,
             moving,
             network: net::start(spawner, ethernet, mac, u64::from_le_bytes(seed)),
+            flash: Flash::new(p.FLASH),
+            button: is_held(p.PC13),
         }
     }
+}
+
+/// Whether the button is held, which connects its pin to 3V3 (UM2407, UM1974): for some milliseconds, lest a disturbance
+/// be taken for it.
+fn is_held(pin: Peri<'static, PC13>) -> bool {
+    let pin = Input::new(pin, Pull::Down);
+    (0..16).all(|_| {
+        cortex_m::asm::delay(100_000);
+        pin.is_high()
+    })
 }
