@@ -3,7 +3,7 @@
 use core::fmt::Write;
 use core::future::poll_fn;
 
-use puente_modbus::{Exception, FrameError, ascii};
+use puente_modbus::{FrameError, ascii};
 
 use super::lines::Reply;
 use super::modbus_tcp::{Flights, route};
@@ -24,21 +24,23 @@ pub(super) fn begin<'g>(
     line: &[u8],
     reply: &mut Reply,
 ) -> Task<'g> {
-    let (unit, routed) = match ascii::parse(line) {
+    let mut task = Task { unit: 0, flights: Flights::new() };
+    match ascii::parse(line) {
         Ok(frame) => {
+            task.unit = frame.unit;
             let function = frame.pdu.first().copied().unwrap_or_default();
-            let routed = route(gateway, guest, gone, frame.unit, &frame.pdu);
-            (
-                frame.unit,
-                routed.map_err(|exception: Exception| push(reply, frame.unit, &exception.pdu(function))),
-            )
+            // One flight a bus fits: the vector is as long as there can be buses.
+            let take = |flight| task.flights.push(flight).is_ok();
+            if let Err(exception) = route(gateway, guest, gone, frame.unit, &frame.pdu, take) {
+                task.flights.clear();
+                push(reply, frame.unit, &exception.pdu(function));
+            }
         }
         Err(error) => {
             let _ = write!(reply, "error {} {error}\r\n", code(error));
-            (0, Err(()))
         }
-    };
-    Task { unit, flights: routed.unwrap_or_default() }
+    }
+    task
 }
 
 /// Waits for the reply, where one is due: a broadcast has none.

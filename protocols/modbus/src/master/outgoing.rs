@@ -22,22 +22,25 @@ impl Outgoing {
         Self { unit: 0, pdu: Pdu::new(), adu: heapless::Vec::new(), reply_adu: 0 }
     }
 
+    /// Becomes this request.
+    ///
     /// # Errors
-    /// What a server answers to a malformed request.
-    pub fn new(mode: Mode, unit: u8, pdu: &[u8]) -> Result<Self, Exception> {
-        let reply_adu = match (Request::parse(pdu)?.expected(), mode) {
+    /// What a server answers to a malformed request; it is nothing then.
+    pub fn set(&mut self, mode: Mode, unit: u8, pdu: &[u8]) -> Result<(), Exception> {
+        self.pdu.clear();
+        self.adu.clear();
+        self.reply_adu = match (Request::parse(pdu)?.expected(), mode) {
             (ReplyLength::Exact(pdu), Mode::Rtu) => pdu + rtu::OVERHEAD,
             (ReplyLength::Exact(pdu), Mode::Ascii) => 2 * pdu + ascii::OVERHEAD,
             _ => 0,
         };
-        let pdu = Pdu::from_slice(pdu).map_err(|_| Exception::IllegalDataValue)?;
-        let mut adu = heapless::Vec::new();
-        // Neither framing is longer than the vector.
-        let _ = match mode {
-            Mode::Rtu => adu.extend_from_slice(&rtu::emit(unit, &pdu)),
-            Mode::Ascii => adu.extend_from_slice(&ascii::emit(unit, &pdu)),
-        };
-        Ok(Self { unit, pdu, adu, reply_adu })
+        self.unit = unit;
+        self.pdu.extend_from_slice(pdu).map_err(|_| Exception::IllegalDataValue)?;
+        match mode {
+            Mode::Rtu => rtu::write(&mut self.adu, unit, pdu),
+            Mode::Ascii => ascii::write(&mut self.adu, unit, pdu),
+        }
+        Ok(())
     }
 
     /// Whether `frame` is the reply to this request; else why it is not.
