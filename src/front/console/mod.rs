@@ -5,7 +5,7 @@ mod command;
 use core::fmt::Write;
 
 use puente_drives::edb::Parameter;
-use puente_line::Duration;
+use puente_line::{Duration, millis};
 use puente_modbus::request::Request;
 
 use super::lines::Reply;
@@ -250,16 +250,16 @@ fn status(gateway: &Gateway, id: u8, snapshot: &Snapshot, reply: &mut Reply) {
             monitor.internal_torque_reference,
             monitor.position,
             monitor.alarm,
-            now.since(*at).as_millis()
+            millis(now.since(*at))
         ),
     );
     if let Some((holder, left)) = gateway.axes.leased(id) {
-        say(reply, format_args!(" lease=\"{holder}\" lease_ms={}", left.as_millis()));
+        say(reply, format_args!(" lease=\"{holder}\" lease_ms={}", millis(left)));
     }
     if let Some(event) = gateway.axes.event(id) {
         say(
             reply,
-            format_args!(" event={} event_age_ms={}", event.cause.name(), now.since(event.at).as_millis()),
+            format_args!(" event={} event_age_ms={}", event.cause.name(), millis(now.since(event.at))),
         );
     }
 }
