@@ -1,6 +1,6 @@
 //! The line dialects: each line is a Modbus ASCII frame or a console command, and gets one line back.
 
-use core::pin::pin;
+use core::pin::{Pin, pin};
 
 use embassy_futures::select::{Either, select};
 use embassy_time::with_timeout;
@@ -16,18 +16,14 @@ const LINE: usize = puente_modbus::ascii::MAX_ADU;
 /// One line back.
 pub(super) type Reply = String<560>;
 
-/// What a line asks for, after it was read: the line itself is not needed any more.
+/// How far the next line has come. Where it asks for something it has been read: the line itself is not needed any more.
 #[allow(clippy::large_enum_variant, reason = "there is no heap, and one lives at a time")]
-enum Task<'g> {
-    Console(console::Task),
-    Modbus(modbus_ascii::Task<'g>),
-}
-
-/// How far the next line has come.
 enum Line<'g> {
-    /// It asks for this.
-    Task(Task<'g>),
-    /// It has been read. Nothing is left to do but to send the reply, if there is any.
+    /// A command that needs the drives.
+    Console(console::Task),
+    /// A frame.
+    Modbus(modbus_ascii::Task<'g>),
+    /// Nothing is left to do.
     Done,
     /// It is still to arrive.
     Awaited,
@@ -42,46 +38,62 @@ pub(super) async fn serve<R: Read, W: Write>(
     // The rest of a line that was too long is dropped.
     let mut skipping = false;
     loop {
-        let served = serve_line(gateway, guest, inbox, writer, &mut skipping).await;
+        let mut line = next_line(gateway, guest, inbox, writer, &mut skipping).await;
+        let served = match &mut line {
+            Ok(Line::Console(task)) => command(gateway, guest, inbox, writer, *task).await,
+            Ok(Line::Modbus(task)) => frame(gateway, inbox, writer, task).await,
+            Ok(Line::Done) => Ok(()),
+            Ok(Line::Awaited) if inbox.ended() => Err(End::Closed),
+            Ok(Line::Awaited) => with_timeout(idle(gateway), inbox.fill()).await.unwrap_or(Err(End::Idle)),
+            Err(end) => Err(*end),
+        };
         if let Err(end) = served {
             return end;
         }
     }
 }
 
-/// Serves one line, or waits for more of it. A reply and what a command waits for are never there at once: they share
-/// their room, of which every place for a client has one.
-async fn serve_line<R: Read, W: Write>(
-    gateway: &Gateway,
+// Each of these has a reply of its own, so that no place for a client keeps room for a reply and for what a command waits
+// for at once.
+
+/// Takes the next line, and answers it where that needs no drive.
+async fn next_line<'g, R: Read, W: Write>(
+    gateway: &'g Gateway,
     guest: Guest,
     inbox: &mut Inbox<'_, R>,
     writer: &mut W,
     skipping: &mut bool,
+) -> Result<Line<'g>, End> {
+    let mut reply = Reply::new();
+    let line = take_line(gateway, guest, inbox, skipping, &mut reply);
+    answer(writer, &reply).await?;
+    Ok(line)
+}
+
+/// Serves a command that needs the drives.
+async fn command<R: Read, W: Write>(
+    gateway: &Gateway,
+    guest: Guest,
+    inbox: &mut Inbox<'_, R>,
+    writer: &mut W,
+    task: console::Task,
 ) -> Result<(), End> {
-    let task = {
-        let mut reply = Reply::new();
-        match take_line(gateway, guest, inbox, skipping, &mut reply) {
-            Line::Task(task) => task,
-            Line::Done => return answer(writer, &reply).await,
-            Line::Awaited if inbox.ended() => return Err(End::Closed),
-            Line::Awaited => {
-                return with_timeout(idle(gateway), inbox.fill()).await.unwrap_or(Err(End::Idle));
-            }
-        }
-    };
-    match task {
-        Task::Console(task) => {
-            let outcome = meanwhile(inbox, console::finish(gateway, guest, task)).await?;
-            let mut reply = Reply::new();
-            console::tell(gateway, &outcome, &mut reply);
-            answer(writer, &reply).await
-        }
-        Task::Modbus(mut task) => {
-            let mut reply = Reply::new();
-            meanwhile(inbox, modbus_ascii::finish(gateway, &mut task, &mut reply)).await?;
-            answer(writer, &reply).await
-        }
-    }
+    let outcome = meanwhile(inbox, pin!(console::finish(gateway, guest, task))).await?;
+    let mut reply = Reply::new();
+    console::tell(gateway, &outcome, &mut reply);
+    answer(writer, &reply).await
+}
+
+/// Serves a Modbus ASCII frame.
+async fn frame<R: Read, W: Write>(
+    gateway: &Gateway,
+    inbox: &mut Inbox<'_, R>,
+    writer: &mut W,
+    task: &mut modbus_ascii::Task<'_>,
+) -> Result<(), End> {
+    let mut reply = Reply::new();
+    meanwhile(inbox, pin!(modbus_ascii::finish(gateway, task, &mut reply))).await?;
+    answer(writer, &reply).await
 }
 
 async fn answer<W: Write>(writer: &mut W, reply: &Reply) -> Result<(), End> {
@@ -118,18 +130,20 @@ fn take_line<'g, R: Read>(
         let gone = inbox.ended();
         match line.first() {
             None => None,
-            Some(b':') => modbus_ascii::begin(gateway, guest, gone, line, reply).map(Task::Modbus),
-            Some(_) => console::begin(gateway, guest, gone, line, reply).map(Task::Console),
+            Some(b':') => modbus_ascii::begin(gateway, guest, gone, line, reply).map(Line::Modbus),
+            Some(_) => console::begin(gateway, guest, gone, line, reply).map(Line::Console),
         }
     };
     *skipping = end.is_none();
     inbox.consume(length);
-    task.map_or(Line::Done, Line::Task)
+    task.unwrap_or(Line::Done)
 }
 
 /// Does some work. What arrives meanwhile is kept, and renews the client's leases.
-async fn meanwhile<R: Read, T>(inbox: &mut Inbox<'_, R>, work: impl Future<Output = T>) -> Result<T, End> {
-    let mut work = pin!(work);
+async fn meanwhile<R: Read, T>(
+    inbox: &mut Inbox<'_, R>,
+    mut work: Pin<&mut impl Future<Output = T>>,
+) -> Result<T, End> {
     loop {
         match select(work.as_mut(), inbox.fill()).await {
             Either::First(done) => return Ok(done),
