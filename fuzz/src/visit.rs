@@ -142,14 +142,15 @@ async fn answer(desk: &'static Desk) {
                 continue;
             }
         };
-        let outcome = match job.pdu.as_slice() {
+        let pdu = queue.request(job.ticket, <[u8]>::to_vec);
+        let outcome = match pdu.as_slice() {
             [3 | 4, _, _, 0, count @ 1..=125] => {
-                let mut reply = vec![job.pdu[0], count * 2];
+                let mut reply = vec![pdu[0], count * 2];
                 reply.resize(2 + usize::from(*count) * 2, 0);
                 queue.finish(Instant::ZERO, job.ticket, End::Master(Outcome::Reply(&reply)));
                 continue;
             }
-            [6, ..] => Outcome::Reply(&job.pdu),
+            [6, ..] => Outcome::Reply(&pdu),
             _ => Outcome::NoReply(Evidence::Silence),
         };
         queue.finish(Instant::ZERO, job.ticket, End::Master(outcome));
