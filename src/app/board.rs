@@ -3,10 +3,13 @@
 use embassy_executor::Spawner;
 use static_cell::StaticCell;
 
+use super::vital::feeder_task;
 use super::{bus_task, front_task, line_settings, master, watch_task};
+use crate::clock;
 use crate::front::Gateway;
 use crate::port::embedded::Address;
-use crate::port::{Board, Place};
+use crate::port::record::Reset;
+use crate::port::{self, Board, Place};
 use crate::settings::Settings;
 
 static SETTINGS: StaticCell<Settings> = StaticCell::new();
@@ -20,10 +23,12 @@ pub fn start(spawner: Spawner) {
     let mut board = Board::start(spawner);
     log::info!("puente {}, MAC {:02x?}", env!("CARGO_PKG_VERSION"), board.mac);
     let gateway = super::build(settings);
+    resume(gateway, board.moving);
     buses(gateway, &mut board);
     clients(gateway, &board, spawner);
     let net = &gateway.settings.net;
     board.join(spawner, address(), net.port, net.modbus_port);
+    spawner.spawn(feeder_task(gateway).expect("one feeder"));
 }
 
 /// How the board gets its address, until that can be set.
@@ -31,6 +36,16 @@ pub fn start(spawner: Spawner) {
 fn address() -> Address {
     let hostname = heapless::String::try_from("puente").unwrap_or_default();
     Address { dhcp: true, ip: [192, 168, 1, 111], prefix: 24, router: None, hostname }
+}
+
+/// Tells why the board has started, and has the axes stopped that may have moved when it was reset.
+#[inline(never)]
+fn resume(gateway: &Gateway, moving: u32) {
+    let Some(history) = port::history().filter(|history| history.cause != Reset::PowerOn) else { return };
+    log::warn!("started after {}", history.cause.name());
+    for (axis, _) in gateway.axes.iter().filter(|(axis, _)| moving >> axis & 1 != 0) {
+        gateway.desk.restarted(clock::now(), axis);
+    }
 }
 
 /// The settings of every start, until they can be kept in flash.

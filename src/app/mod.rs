@@ -6,6 +6,8 @@ pub mod board;
 pub mod host;
 #[cfg(not(target_os = "none"))]
 mod options;
+#[cfg(target_os = "none")]
+mod vital;
 
 use puente_line::Duration;
 use puente_modbus::{Config, Echo, Mode};

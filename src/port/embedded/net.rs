@@ -11,7 +11,7 @@ const SOCKETS: usize = SLOTS + 2;
 
 /// The stack, without an address yet, and what has to run for it. `seed` makes TCP sequence numbers hard to guess. Call
 /// it once.
-pub(in crate::port) fn stack<D: Driver>(device: D, seed: u64) -> (Stack<'static>, Runner<'static, D>) {
+pub(in crate::port) fn network<D: Driver>(device: D, seed: u64) -> (Stack<'static>, Runner<'static, D>) {
     static RESOURCES: StaticCell<StackResources<SOCKETS>> = StaticCell::new();
     embassy_net::new(device, Config::default(), RESOURCES.init_with(StackResources::new), seed)
 }

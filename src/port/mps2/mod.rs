@@ -4,7 +4,6 @@
 
 mod clock;
 mod executor;
-mod fault;
 mod host;
 mod interrupt;
 mod lan9118;
@@ -13,6 +12,7 @@ mod lines;
 mod log;
 mod registers;
 mod stack;
+mod watchdog;
 
 use embassy_executor::{SendSpawner, Spawner};
 use embassy_net::{Runner, Stack};
@@ -20,8 +20,10 @@ use embassy_net::{Runner, Stack};
 pub use executor::run;
 pub use line::Line;
 pub use lines::{BadPort, Lines};
+pub(super) use log::{last_words, log, logs};
+pub use watchdog::Watchdog;
 
-use crate::port::embedded::{self, Address, Place, Ports, join, limits, places};
+use crate::port::embedded::{Address, Place, Ports, join, limits, network, places, vital};
 use lan9118::Lan9118;
 
 /// TCP sequence numbers can be guessed here: there is no source of random numbers, and nobody to guess them.
@@ -35,6 +37,8 @@ pub struct Board {
     pub lines: Lines,
     /// The board's MAC address.
     pub mac: [u8; 6],
+    /// The axes that may have moved when the board was reset, a bit each.
+    pub moving: u32,
     stack: Stack<'static>,
 }
 
@@ -42,6 +46,7 @@ impl Board {
     /// Starts clock, network and executors. Call it once, first of all.
     #[inline(never)]
     pub fn start(spawner: Spawner) -> Self {
+        let moving = vital::begin(None);
         log::start();
         if let Some(mut core) = cortex_m::Peripherals::take() {
             interrupt::start(&mut core.NVIC);
@@ -49,10 +54,10 @@ impl Board {
         clock::start();
         let device = Lan9118::start();
         let mac = device.mac();
-        let (stack, runner) = embedded::stack(device, SEED);
-        spawner.spawn(network(runner).expect("the network task is started once"));
+        let (stack, runner) = network(device, SEED);
+        spawner.spawn(network_task(runner).expect("the network task is started once"));
         spawner.spawn(stack::watch().expect("the watch is started once"));
-        Self { buses: executor::start(), lines: Lines::new(), mac, stack }
+        Self { buses: executor::start(), lines: Lines::new(), mac, moving, stack }
     }
 
     /// Gets an address, and makes itself known with these TCP ports. Call it once.
@@ -67,7 +72,12 @@ impl Board {
     }
 }
 
+/// Temperature of the chip in degrees Celsius, where it has a sensor.
+pub fn temperature() -> Option<i16> {
+    None
+}
+
 #[embassy_executor::task]
-async fn network(mut runner: Runner<'static, Lan9118>) -> ! {
+async fn network_task(mut runner: Runner<'static, Lan9118>) -> ! {
     runner.run().await
 }

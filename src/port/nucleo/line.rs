@@ -7,6 +7,9 @@ use embassy_stm32::usart::{self, BufferedUart, Config, ConfigError, DataBits, St
 use embedded_io_async::{BufRead, ErrorKind, ErrorType, Read, Write};
 use puente_line::{Parity, Settings};
 
+#[cfg(feature = "test-hooks")]
+use crate::port::embedded::hooks;
+
 /// Longest frame that goes out in one piece: a Modbus ASCII frame has 513 characters.
 pub(super) const TRANSMIT: usize = 520;
 /// Characters received and not yet read.
@@ -127,6 +130,8 @@ impl ErrorType for Line {
 impl Read for Line {
     /// Waits for characters. An error comes before the characters that it spoilt, which the next call returns.
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Error> {
+        #[cfg(feature = "test-hooks")]
+        hooks::reading();
         // Not consumed until copied, so that nothing is lost where this future is dropped or an error goes first.
         let received = self.uart.fill_buf().await.map_err(|_| Error::Overrun)?;
         if let Some(error) = self.errors.take() {
@@ -149,6 +154,8 @@ impl Write for Line {
         if characters.is_empty() {
             return Ok(0);
         }
+        #[cfg(feature = "test-hooks")]
+        hooks::writing().await;
         self.flush().await?;
         let piece = characters.get(..TRANSMIT).unwrap_or(characters);
         Write::write(&mut self.uart, piece).await.map_err(|_| Error::Overrun)

@@ -4,12 +4,13 @@
 //! else in thread mode.
 
 mod executor;
-mod fault;
 mod line;
 mod lines;
 mod log;
 mod mac;
 mod net;
+mod reset;
+mod watchdog;
 
 #[cfg(feature = "nucleo-f767zi")]
 #[path = "f767zi.rs"]
@@ -26,8 +27,10 @@ use embassy_stm32::uid;
 pub use executor::run;
 pub use line::{Error as LineError, Line};
 pub use lines::{BadPort, Lines};
+pub(super) use log::{last_words, log, logs};
+pub use watchdog::Watchdog;
 
-use crate::port::embedded::{Address, Place, Ports, join, limits, places};
+use crate::port::embedded::{Address, Place, Ports, join, limits, places, vital};
 
 /// What the board offers to the application.
 pub struct Board {
@@ -37,6 +40,8 @@ pub struct Board {
     pub lines: Lines,
     /// The board's MAC address.
     pub mac: [u8; 6],
+    /// The axes that may have moved when the board was reset, a bit each.
+    pub moving: u32,
     stack: Stack<'static>,
 }
 
@@ -44,6 +49,7 @@ impl Board {
     /// Starts clocks, network and executors. Call it once, first of all.
     #[inline(never)]
     pub fn start(spawner: Spawner) -> Self {
+        let moving = vital::begin(Some(reset::cause()));
         log::start();
         let p = embassy_stm32::init(board::config());
         board::enable_ethernet_memory();
@@ -74,6 +80,7 @@ impl Board {
                 b: Some(line::b::Parts { usart: p.UART7, tx: p.PE8, rx: p.PE7, de: p.PE9 }),
             },
             mac,
+            moving,
             stack: net::start(spawner, ethernet, mac, u64::from_le_bytes(seed)),
         }
     }
@@ -88,4 +95,9 @@ impl Board {
     pub fn places(&self, main: u16, modbus: u16) -> [Place; limits::SLOTS] {
         places(self.stack, Ports { main, modbus })
     }
+}
+
+/// Temperature of the chip in degrees Celsius, where it has a sensor.
+pub fn temperature() -> Option<i16> {
+    None
 }

@@ -9,7 +9,7 @@ use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::peripherals::{ETH, ETH_SMA, PA1, PA2, PA7, PB13, PC1, PC4, PC5, PG11, PG13};
 use embassy_stm32::{Peri, bind_interrupts, interrupt};
 
-use crate::port::embedded::stack;
+use crate::port::embedded::network;
 
 bind_interrupts!(struct Interrupts {
     ETH => eth::InterruptHandler;
@@ -68,7 +68,7 @@ pub(super) fn start(spawner: Spawner, parts: Parts, mac: [u8; 6], seed: u64) -> 
         parts.mdio,
         parts.mdc,
     );
-    let (stack, runner) = stack(device, seed);
+    let (stack, runner) = network(device, seed);
     spawner.spawn(run(runner).expect("the network task is started once"));
     stack
 }
