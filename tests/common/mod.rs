@@ -2,13 +2,14 @@
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
 pub mod client;
+pub mod ethernet;
 pub mod rig;
 pub mod wire;
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
@@ -92,8 +93,8 @@ impl Process {
 }
 
 impl Gateway {
-    /// Starts the firmware on an emulated board, with bytes of its line at `line`.
-    pub fn on_board(image: &Path, line: SocketAddr) -> Self {
+    /// Starts the firmware on an emulated board.
+    pub fn on_board(setup: &Setup) -> Self {
         let log = Arc::new(Mutex::new(String::new()));
         let lines = log.clone();
         let keep = move |line: &str| {
@@ -101,7 +102,7 @@ impl Gateway {
             log.push_str(line);
             log.push('\n');
         };
-        let board = Emulator::start(&Setup::new(image, line), keep).unwrap_or_else(|error| {
+        let board = Emulator::start(setup, keep).unwrap_or_else(|error| {
             panic!("{error}; log:\n{}", log.lock().expect("the log"));
         });
         let (main, modbus) = (board.main, board.modbus);
@@ -166,6 +167,15 @@ impl Gateway {
         match &mut self.process {
             Process::Board(board) => board.monitor(command).expect("an answer"),
             Process::Host(_) | Process::Ended => panic!("there is no emulator"),
+        }
+    }
+
+    /// The process that it runs in.
+    pub fn process(&self) -> u32 {
+        match &self.process {
+            Process::Host(child) => child.id(),
+            Process::Board(board) => board.id(),
+            Process::Ended => panic!("it has ended"),
         }
     }
 

@@ -7,6 +7,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use puente_cell::{Cell, Config};
+use puente_emulator::Setup;
 use puente_modbus::Mode;
 
 use super::client::{Lines, Modbus, figure, read_pdu, value};
@@ -45,20 +46,25 @@ impl Rig {
     /// With a board's factory settings: on the emulated board where the variable `PUENTE_IMAGE` names the firmware,
     /// and otherwise on this machine.
     pub fn on_target() -> Self {
-        Self::on_target_with("")
+        if std::env::var_os("PUENTE_IMAGE").is_some() {
+            return Self::on_board(|_| {});
+        }
+        let wire = Self::factory_wire();
+        let gateway = Gateway::start(&settings(Mode::Ascii, &wire, 250, ""));
+        Self { wire, gateway }
     }
 
-    /// On this machine with more keys of `[net]`.
-    pub fn on_target_with(net: &str) -> Self {
-        let wire = Wire::tcp(Cell::new(Config::new(Mode::Ascii, thesis(), &[1, 2, 3])));
-        let gateway = match std::env::var_os("PUENTE_IMAGE") {
-            Some(image) => Gateway::on_board(image.as_ref(), wire.address().expect("on a port")),
-            None => {
-                let settings = settings(Mode::Ascii, &wire, 250, "");
-                Gateway::start(&settings.replace("[net]\n", &format!("[net]\n{net}\n")))
-            }
-        };
-        Self { wire, gateway }
+    fn factory_wire() -> Wire<Cell> {
+        Wire::tcp(Cell::new(Config::new(Mode::Ascii, thesis(), &[1, 2, 3])))
+    }
+
+    /// On the emulated board, with more or less connected to it.
+    pub fn on_board(change: impl FnOnce(&mut Setup)) -> Self {
+        let image = std::env::var_os("PUENTE_IMAGE").expect("PUENTE_IMAGE names the firmware");
+        let wire = Self::factory_wire();
+        let mut setup = Setup::new(image, wire.address().expect("on a port"));
+        change(&mut setup);
+        Self { gateway: Gateway::on_board(&setup), wire }
     }
 
     /// A console that jogs x forward; and when that was confirmed.

@@ -2,6 +2,7 @@
 //! microcontroller allows.
 
 mod address;
+mod backlog;
 mod doors;
 mod fault;
 #[cfg(feature = "test-hooks")]
@@ -16,6 +17,7 @@ pub(super) mod vital;
 
 pub use address::Address;
 pub(super) use address::join;
+pub(super) use backlog::Patient;
 pub(super) use net::network;
 pub use restart::restart;
 pub use socket::{Place, Socket};

@@ -38,6 +38,9 @@ pub struct Setup {
     /// Who else is on the Ethernet: a listener that QEMU connects to. Each frame comes and goes without its FCS, after
     /// its length as 4 bytes, the most significant first.
     pub ethernet: Option<SocketAddr>,
+    /// QEMU's own network is there, with its DHCP server and the forwarded ports. Without it nobody but `ethernet` can
+    /// tell when the firmware answers.
+    pub user_network: bool,
     /// The user button is held, at every start.
     pub button: bool,
 }
@@ -45,7 +48,14 @@ pub struct Setup {
 impl Setup {
     /// `image` with a device on RS-485 a, on free ports.
     pub fn new(image: impl Into<PathBuf>, line: SocketAddr) -> Self {
-        Self { image: image.into(), lines: [Some(line), None], ports: [0, 0], ethernet: None, button: false }
+        Self {
+            image: image.into(),
+            lines: [Some(line), None],
+            ports: [0, 0],
+            ethernet: None,
+            user_network: true,
+            button: false,
+        }
     }
 }
 
@@ -60,7 +70,7 @@ pub struct Emulator {
 }
 
 impl Emulator {
-    /// Starts the board, and returns when the firmware answers. `log` is called with each line of the firmware's log,
+    /// Starts the board, and returns when the firmware answers, where it can. `log` is called with each line of the firmware's log,
     /// from another thread.
     ///
     /// The error is a sentence.
@@ -70,6 +80,9 @@ impl Emulator {
         loop {
             let ports = free(setup.ports)?;
             let mut board = launch(setup, ports, log.clone())?;
+            if !setup.user_network {
+                return Ok(board);
+            }
             match board.answers() {
                 Ok(()) => return Ok(board),
                 // A port that was free is not any more.
@@ -85,6 +98,11 @@ impl Emulator {
     /// The error is a sentence.
     pub fn monitor(&mut self, command: &str) -> Result<String, String> {
         self.monitor.ask(command).map_err(|error| format!("{QEMU}, {command}: {error}"))
+    }
+
+    /// The process that QEMU is.
+    pub fn id(&self) -> u32 {
+        self.child.id()
     }
 
     /// Whether QEMU has ended by itself.
@@ -154,19 +172,19 @@ fn launch(
 ) -> Result<Emulator, String> {
     let mut qemu = Command::new(QEMU);
     qemu.args(["-machine", "mps2-an500", "-display", "none", "-monitor", "none", "-qmp", "stdio"]);
-    qemu.arg("-netdev")
-        .arg(format!("user,id=user,restrict=on,hostfwd=tcp:{main}-:80,hostfwd=tcp:{modbus}-:502"));
-    let nic = match setup.ethernet {
-        None => "user",
-        Some(peer) => {
-            qemu.arg("-netdev").arg(format!("socket,id=peer,connect={peer}"));
-            for (port, netdev) in [("hub-user", ",netdev=user"), ("hub-peer", ",netdev=peer"), ("hub", "")] {
-                qemu.arg("-netdev").arg(format!("hubport,id={port},hubid=0{netdev}"));
-            }
-            "hub"
-        }
-    };
-    qemu.arg("-net").arg(format!("nic,model=lan9118,netdev={nic}"));
+    let mut hosts = Vec::new();
+    if setup.user_network {
+        let forwarded = format!("hostfwd=tcp:{main}-:80,hostfwd=tcp:{modbus}-:502");
+        hosts.push(("user", format!("user,id=user,restrict=on,{forwarded}")));
+    }
+    if let Some(peer) = setup.ethernet {
+        hosts.push(("peer", format!("socket,id=peer,connect={peer}")));
+    }
+    for (name, host) in hosts {
+        let port = format!("hubport,id=hub-{name},hubid=0,netdev={name}");
+        qemu.arg("-netdev").arg(host).arg("-netdev").arg(port);
+    }
+    qemu.args(["-netdev", "hubport,id=hub,hubid=0", "-net", "nic,model=lan9118,netdev=hub"]);
     // UART0 is of no use here.
     qemu.args(["-serial", "null"]);
     for (name, line) in ["a", "b"].iter().zip(setup.lines) {

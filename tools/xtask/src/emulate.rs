@@ -44,8 +44,10 @@ pub fn run(arguments: &[String]) -> Outcome {
 pub fn test() -> Outcome {
     let image = image(firmware::build_for_tests)?;
     // Each test has a board of its own.
-    let arguments = ["test", "--package", "puente", "--test", "targets", "--test", "board", "--quiet"];
-    run_command(cargo().args(arguments).args(["--", "--test-threads=2"]).env("PUENTE_IMAGE", image))
+    let mut tests = cargo();
+    tests.args(["test", "--package", "puente", "--quiet"]);
+    tests.args(["--test", "targets", "--test", "board", "--test", "network"]);
+    run_command(tests.args(["--", "--test-threads=2"]).env("PUENTE_IMAGE", image))
 }
 
 /// Builds the image, and makes sure of QEMU.
