@@ -7,9 +7,10 @@ use std::process::Command;
 
 /// Boards, and the memory file of each. The linker finds `memory.x` at the root by itself: it looks in the folder it
 /// is called in first, so that another board's file has to be put in its place by name.
-const BOARDS: [(&str, &str); 3] = [
+const BOARDS: [(&str, &str); 4] = [
     ("nucleo-h753zi", "memory.x"),
     ("nucleo-f767zi", "src/port/nucleo/f767zi.x"),
+    ("nucleo-f429zi", "src/port/nucleo/f429zi.x"),
     ("mps2-an500", "src/port/mps2/memory.x"),
 ];
 
@@ -24,7 +25,7 @@ fn main() {
     let mut boards = BOARDS.iter().filter(|(board, _)| env::var_os(feature(board)).is_some());
     let (Some((board, memory)), None) = (boards.next(), boards.next()) else {
         panic!(
-            "choose one board: --no-default-features --features nucleo-h753zi (or nucleo-f767zi, mps2-an500)"
+            "choose one board: --no-default-features --features nucleo-h753zi (or nucleo-f767zi, nucleo-f429zi, mps2-an500)"
         );
     };
     println!("cargo:rustc-env=PUENTE_BOARD={board}");

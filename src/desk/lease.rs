@@ -135,12 +135,22 @@ pub(super) struct AxisLease {
     standstill: Option<(Holder, Instant)>,
     /// What the port was told: the axis may move.
     may_move: bool,
+    /// No lease is given any more.
+    closed: bool,
 }
 
 impl AxisLease {
     pub(super) const fn new() -> Self {
         let stopping = Stopping::Done;
-        Self { epoch: 0, lease: None, stopping, event: None, standstill: None, may_move: false }
+        Self {
+            epoch: 0,
+            lease: None,
+            stopping,
+            event: None,
+            standstill: None,
+            may_move: false,
+            closed: false,
+        }
     }
 
     #[cfg(test)]
@@ -222,14 +232,10 @@ impl Desk {
         holder: Holder,
         hold: Option<Duration>,
     ) -> Result<Permit, Leased> {
-        let (lease_time, closed) = self.with(|state| (state.lease_time, state.closed));
-        if closed {
-            return Err(Leased::Stopping);
-        }
-        let hold = hold.unwrap_or(lease_time);
+        let hold = hold.unwrap_or_else(|| self.with(|state| state.lease_time));
         let permit = self.on_axis(axis, |state| {
             state.refuse_others(holder, now)?;
-            if let Stopping::Owed(_) = state.stopping {
+            if state.closed || matches!(state.stopping, Stopping::Owed(_)) {
                 return Err(Leased::Stopping);
             }
             if let Some((stopped, until)) = state.standstill
@@ -302,8 +308,24 @@ impl Desk {
 
     /// The gateway is about to end: every axis under a lease is to be stopped, and none is leased any more.
     pub fn close(&self, now: Instant) {
-        self.with(|state| state.closed = true);
+        self.with(|state| state.leases.iter_mut().for_each(|axis| axis.closed = true));
         self.lose_all(now, |_| true);
+    }
+
+    /// As [`close`](Self::close) where no axis is under a lease or has to be stopped; otherwise nothing changes. Tells
+    /// which.
+    pub fn close_at_rest(&self, now: Instant) -> bool {
+        self.with(|state| {
+            state.leases.iter_mut().for_each(|axis| axis.refresh(now));
+            let rests = state.leases.iter().all(AxisLease::rests);
+            state.leases.iter_mut().for_each(|axis| axis.closed |= rests);
+            rests
+        })
+    }
+
+    /// Gives leases again.
+    pub fn reopen(&self) {
+        self.with(|state| state.leases.iter_mut().for_each(|axis| axis.closed = false));
     }
 
     fn lose_all(&self, now: Instant, of: impl Fn(Holder) -> bool) {

@@ -20,6 +20,7 @@ use crate::clock;
 use crate::desk::{Desk, Holder};
 use crate::port::{Door, Listener, Peer, Socket};
 use crate::settings::Settings;
+use crate::settings::keeper::Keeper;
 use inbox::Inbox;
 use sniff::Dialect;
 
@@ -38,6 +39,8 @@ pub struct Gateway {
     pub desk: &'static Desk,
     /// The axes.
     pub axes: Axes,
+    /// Who changes the settings.
+    pub keeper: &'static Keeper,
     /// When the gateway started.
     pub started: Instant,
     sheets: http::Sheets,
@@ -48,11 +51,17 @@ pub struct Gateway {
 
 impl Gateway {
     /// A gateway with these settings, and with the axes that they name. Call it once.
-    pub fn new(settings: &'static Settings, desk: &'static Desk, axes: Axes) -> Self {
+    pub fn new(
+        settings: &'static Settings,
+        desk: &'static Desk,
+        axes: Axes,
+        keeper: &'static Keeper,
+    ) -> Self {
         Self {
             settings,
             desk,
             axes,
+            keeper,
             started: clock::now(),
             sheets: http::Sheets::new(),
             clients: AtomicUsize::new(0),
@@ -139,6 +148,10 @@ pub async fn serve(gateway: &'static Gateway, seat: u8, listener: &mut impl List
         match end {
             End::Closed | End::Idle | End::Refused => socket.close().await,
             End::Broken | End::Slow => socket.abort(),
+            End::Restart => {
+                socket.close().await;
+                gateway.keeper.answered();
+            }
         }
     }
 }
@@ -156,6 +169,8 @@ enum End {
     Slow,
     /// What it said cannot be understood, nor where it ends.
     Refused,
+    /// The gateway is about to start anew, and the client knows.
+    Restart,
 }
 
 impl End {
@@ -166,6 +181,7 @@ impl End {
             End::Idle => "let go, idle",
             End::Slow => "dropped, takes no replies",
             End::Refused => "refused, not understood",
+            End::Restart => "has changed the settings",
         }
     }
 }

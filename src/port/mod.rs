@@ -1,9 +1,12 @@
-//! What a port supplies: sockets, serial lines, and the sizes that its memory allows. Nothing above this folder names
+//! What a port supplies: sockets, serial lines, flash for the settings, and the sizes that its memory allows. Nothing above this folder names
 //! a chip, an operating system or a cargo feature.
+
+mod nor;
 
 use core::fmt;
 
 use embedded_io_async::{Error, Read, Write};
+use embedded_storage_async::nor_flash::NorFlash;
 
 pub mod journal;
 pub mod record;
@@ -13,12 +16,12 @@ pub mod host;
 #[cfg(not(target_os = "none"))]
 use host as platform;
 #[cfg(not(target_os = "none"))]
-pub use host::{Line, Place, history, limits, may_move, restart, stack};
+pub use host::{Place, defaults, history, limits, may_move, restart, stack};
 
 #[cfg(target_os = "none")]
 pub mod embedded;
 #[cfg(target_os = "none")]
-pub use embedded::{Place, history, hung, limits, may_move, restart, stack};
+pub use embedded::{Network, Place, defaults, history, hung, limits, may_move, restart, stack};
 
 #[cfg(all(target_os = "none", feature = "mps2-an500"))]
 pub mod mps2;
@@ -30,9 +33,9 @@ pub mod nucleo;
 #[cfg(all(target_os = "none", not(feature = "mps2-an500")))]
 use nucleo as platform;
 
-pub use platform::temperature;
+pub use platform::{BadPort, Flash, Line, check_line, temperature};
 #[cfg(target_os = "none")]
-pub use platform::{Board, Line, Watchdog, run};
+pub use platform::{Board, Leds, Watchdog, run};
 
 #[cfg(all(target_os = "none", feature = "test-hooks"))]
 pub use embedded::hooks::obey;
@@ -121,3 +124,36 @@ pub trait Listener {
 /// After an error both methods may be called again: the port reopens the line, waiting where it must. A write that
 /// fails with `NotConnected` has sent nothing; an error of a spoilt character is `InvalidData`.
 pub trait SerialLine: Read + Write {}
+
+/// What the lamps of a board show.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Lights {
+    /// The network is there.
+    pub link: bool,
+    /// Something goes over a bus.
+    pub bus: bool,
+    /// Something is wrong.
+    pub fault: bool,
+}
+
+/// The lamps of a board.
+pub trait Lamps {
+    /// Switches each of them on or off.
+    fn show(&mut self, lights: Lights);
+}
+
+/// How a board is connected to its network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Link {
+    /// No cable, or nobody at its other end.
+    Down,
+    /// Nobody has given the board an address yet.
+    NoAddress,
+    /// It can be reached.
+    Up,
+}
+
+/// Flash that keeps the settings over a restart: two pages of [`NorFlash::ERASE_SIZE`] bytes, from offset 0 on. Each
+/// word is written once between two erasures. Words that were being written, and pages that were being erased, when the
+/// power went may read as anything, but can be read.
+pub trait SettingsFlash: NorFlash {}

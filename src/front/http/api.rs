@@ -13,12 +13,13 @@ use super::page::Asset;
 use super::problem::{HOLD_MS, Problem};
 use super::reply::Reply;
 use super::resource::{Command, Resource};
-use super::{Fault, metrics, view};
+use super::{Fault, config, metrics, view};
 use crate::axis::{AxisError, Commander};
 use crate::clock;
 use crate::desk::Holder;
 use crate::port::journal;
 use crate::port::limits::{AXES, JOURNAL_LINE};
+use crate::settings::keeper::Lent;
 
 /// Values of a drive that are not older than this are not read again.
 const FRESH: Duration = Duration::from_millis(400);
@@ -39,6 +40,19 @@ pub(super) enum Task {
     System,
     Log,
     Metrics,
+    Config,
+    ConfigState,
+    Change(Change),
+}
+
+/// What is done about the settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Change {
+    /// The document on the form is put.
+    Put,
+    /// The factory settings are.
+    Delete,
+    Confirm,
 }
 
 /// What an axis is told.
@@ -79,7 +93,7 @@ pub(super) fn understand(
     if !resource.takes(head.method) {
         return Err(Problem::Method(resource.methods()));
     }
-    if head.foreign && matches!(head.method, Method::Post | Method::Put) {
+    if head.foreign && matches!(head.method, Method::Post | Method::Put | Method::Delete) {
         return Err(Problem::Origin);
     }
     Ok(match resource {
@@ -99,6 +113,13 @@ pub(super) fn understand(
         Resource::System => Task::System,
         Resource::Log => Task::Log,
         Resource::Metrics => Task::Metrics,
+        Resource::Config => match head.method {
+            Method::Put => Task::Change(Change::Put),
+            Method::Delete => Task::Change(Change::Delete),
+            _ => Task::Config,
+        },
+        Resource::ConfigState => Task::ConfigState,
+        Resource::Confirm => Task::Change(Change::Confirm),
     })
 }
 
@@ -135,8 +156,13 @@ pub(super) struct Call<'a> {
 }
 
 impl Call<'_> {
-    /// Carries a task out and sends the reply.
-    pub(super) async fn answer<W: Write>(&self, task: Task, reply: &mut Reply<'_, W>) -> Result<(), Fault> {
+    /// Carries a task out and sends the reply. A document that came with it is on the form.
+    pub(super) async fn answer<W: Write>(
+        &self,
+        task: Task,
+        form: Option<Lent<'_>>,
+        reply: &mut Reply<'_, W>,
+    ) -> Result<(), Fault> {
         match task {
             Task::Asset(asset) => reply.asset(asset).await?,
             Task::Axes => self.axes(reply).await?,
@@ -163,6 +189,9 @@ impl Call<'_> {
             Task::System => reply.value(&System(self.gateway)).await?,
             Task::Log => log(reply).await?,
             Task::Metrics => metrics::send(self.gateway, reply).await?,
+            Task::Config => config::send(self.gateway.settings, reply).await?,
+            Task::ConfigState => reply.value(&view::ConfigState::new(self.gateway.keeper)).await?,
+            Task::Change(change) => config::change(self, change, form, reply).await?,
         }
         Ok(())
     }

@@ -10,9 +10,10 @@ use static_cell::ConstStaticCell;
 
 use super::super::{End, send};
 use super::page::{Asset, POLICY};
-use super::problem::Problem;
+use super::problem::{BadSettings, Problem};
 use super::status::{self, Status};
 use crate::port::limits::SHEETS;
+use crate::settings;
 
 /// Room before the body, for the head or the length of a chunk. The longest head is that of the page.
 const FRONT: usize = 512;
@@ -117,14 +118,28 @@ impl<'w, W: Write> Reply<'w, W> {
 
     /// Sends why there is nothing else. Nothing may have been appended before.
     pub(super) async fn problem(&mut self, problem: &Problem) -> Result<(), End> {
+        let allow = if let Problem::Method(methods) = problem { Some(*methods) } else { None };
+        self.error(problem.status(), problem, allow).await
+    }
+
+    /// Sends what is wrong with a settings document.
+    pub(super) async fn bad_settings(&mut self, problem: &settings::Problem) -> Result<(), End> {
+        self.error(status::BAD_REQUEST, &BadSettings(problem), None).await
+    }
+
+    async fn error(
+        &mut self,
+        status: Status,
+        error: &impl Serialize,
+        allow: Option<&'static str>,
+    ) -> Result<(), End> {
         #[derive(Serialize)]
-        struct Body<'a> {
-            error: &'a Problem,
+        struct Body<'a, E> {
+            error: &'a E,
         }
         self.filled = 0;
-        self.json(&Body { error: problem }).await?;
-        let allow = if let Problem::Method(methods) = problem { Some(*methods) } else { None };
-        self.whole(problem.status(), allow).await
+        self.json(&Body { error }).await?;
+        self.whole(status, allow).await
     }
 
     /// Sends a file of the page.

@@ -26,6 +26,12 @@ pub(super) enum Resource<'p> {
     Log,
     /// `/metrics`
     Metrics,
+    /// `/api/config`
+    Config,
+    /// `/api/config/confirm`
+    Confirm,
+    /// `/api/config/state`
+    ConfigState,
 }
 
 /// What an axis can be told.
@@ -50,6 +56,9 @@ impl<'p> Resource<'p> {
             ["api", "axes", axis, command] => Resource::Command(axis, Command::find(command)?),
             ["api", "axes", axis, "parameters", parameter] => Resource::Parameter(axis, parameter),
             ["api", "buses"] => Resource::Buses,
+            ["api", "config"] => Resource::Config,
+            ["api", "config", "confirm"] => Resource::Confirm,
+            ["api", "config", "state"] => Resource::ConfigState,
             ["api", "system"] => Resource::System,
             ["api", "log"] => Resource::Log,
             ["metrics"] => Resource::Metrics,
@@ -61,18 +70,26 @@ impl<'p> Resource<'p> {
     /// The methods it takes, as in the header field `Allow`.
     pub(super) const fn methods(&self) -> &'static str {
         match self {
-            Resource::Command(..) => "POST",
+            Resource::Command(..) | Resource::Confirm => "POST",
             Resource::Parameter(..) => "GET, HEAD, PUT",
-            Resource::Asset(_) | Resource::Axes | Resource::Axis(_) | Resource::Buses => "GET, HEAD",
-            Resource::System | Resource::Log | Resource::Metrics => "GET, HEAD",
+            Resource::Config => "GET, HEAD, PUT, DELETE",
+            Resource::Asset(_)
+            | Resource::Axes
+            | Resource::Axis(_)
+            | Resource::Buses
+            | Resource::System
+            | Resource::Log
+            | Resource::Metrics
+            | Resource::ConfigState => "GET, HEAD",
         }
     }
 
     pub(super) const fn takes(&self, method: Method) -> bool {
         match method {
-            Method::Get | Method::Head => !matches!(self, Resource::Command(..)),
-            Method::Post => matches!(self, Resource::Command(..)),
-            Method::Put => matches!(self, Resource::Parameter(..)),
+            Method::Get | Method::Head => !matches!(self, Resource::Command(..) | Resource::Confirm),
+            Method::Post => matches!(self, Resource::Command(..) | Resource::Confirm),
+            Method::Put => matches!(self, Resource::Parameter(..) | Resource::Config),
+            Method::Delete => matches!(self, Resource::Config),
             Method::Other => false,
         }
     }
@@ -110,6 +127,9 @@ mod tests {
             ("/api/axes/x/stop", Resource::Command("x", Command::Stop)),
             ("/api/axes/x/parameters/Pn037", Resource::Parameter("x", "Pn037")),
             ("/api/buses", Resource::Buses),
+            ("/api/config", Resource::Config),
+            ("/api/config/confirm", Resource::Confirm),
+            ("/api/config/state", Resource::ConfigState),
             ("/api/system", Resource::System),
             ("/api/log", Resource::Log),
             ("/metrics", Resource::Metrics),
@@ -136,8 +156,13 @@ mod tests {
 
     #[test]
     fn methods_are_those_listed() {
-        let names =
-            [("GET", Method::Get), ("HEAD", Method::Head), ("POST", Method::Post), ("PUT", Method::Put)];
+        let names = [
+            ("GET", Method::Get),
+            ("HEAD", Method::Head),
+            ("POST", Method::Post),
+            ("PUT", Method::Put),
+            ("DELETE", Method::Delete),
+        ];
         for path in [
             "/",
             "/api/axes",
@@ -145,6 +170,9 @@ mod tests {
             "/api/axes/x/jog",
             "/api/axes/x/parameters/a",
             "/api/buses",
+            "/api/config",
+            "/api/config/confirm",
+            "/api/config/state",
             "/api/system",
             "/api/log",
             "/metrics",

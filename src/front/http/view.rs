@@ -10,8 +10,10 @@ use serde::{Serialize, Serializer};
 
 use super::problem::Problem;
 use crate::axis::{AxisError, AxisSpec, Jog, Known};
+use crate::clock;
 use crate::desk::{Event, Holder, Statistics};
 use crate::settings;
+use crate::settings::keeper::{Keeper, TRIAL};
 
 /// A value that is shown as the text it has for people.
 pub(super) struct Text<T>(pub T);
@@ -300,6 +302,33 @@ impl Line {
             garbage_bytes,
             line_errors,
         }
+    }
+}
+
+/// The settings in force: where they come from, and for how long they stay where nobody confirms them.
+#[derive(Serialize)]
+pub(super) struct ConfigState {
+    settings: &'static str,
+    trial_left_s: Option<u64>,
+}
+
+impl ConfigState {
+    pub(super) fn new(keeper: &Keeper) -> Self {
+        let left = keeper.trial_left(clock::now());
+        Self { settings: keeper.source().name(), trial_left_s: left.map(|left| millis(left).div_ceil(1000)) }
+    }
+}
+
+/// A change of the settings that has been accepted.
+#[derive(Serialize)]
+pub(super) struct Changed {
+    restart: bool,
+    confirm_within_s: Option<u64>,
+}
+
+impl Changed {
+    pub(super) fn new(on_trial: bool) -> Self {
+        Self { restart: true, confirm_within_s: on_trial.then_some(TRIAL.as_secs()) }
     }
 }
 

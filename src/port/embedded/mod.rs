@@ -3,7 +3,10 @@
 
 mod address;
 mod backlog;
+pub mod defaults;
 mod doors;
+#[cfg(feature = "test-hooks")]
+mod echo;
 mod fault;
 #[cfg(feature = "test-hooks")]
 pub(super) mod hooks;
@@ -12,16 +15,15 @@ mod mdns;
 mod net;
 mod restart;
 mod socket;
-mod stack;
+pub(super) mod stack;
 pub(super) mod vital;
 
 pub use address::Address;
-pub(super) use address::join;
 pub(super) use backlog::Patient;
+pub use net::Network;
 pub(super) use net::network;
 pub use restart::restart;
 pub use socket::{Place, Socket};
-pub(super) use socket::{Ports, places};
 pub use stack::stack;
 pub(super) use stack::started;
 pub use vital::{history, hung, may_move};

@@ -21,11 +21,17 @@ fn bounds() -> (*mut u32, usize) {
     (end.cast_mut(), (start as usize - end as usize) / size_of::<u32>())
 }
 
-/// Bytes of the stack, and how many of them were used since it was painted.
-pub fn stack() -> Option<Stack> {
+/// Whether a word of the stack, counted from its end, has not been written since it was painted.
+pub(in crate::port) fn painted(word: usize) -> bool {
     let (end, words) = bounds();
     // SAFETY: the linker's symbols enclose the stack, all of which is memory that can be read.
-    let painted = (0..words).take_while(|&word| unsafe { end.add(word).read_volatile() } == PAINT).count();
+    word < words && unsafe { end.add(word).read_volatile() } == PAINT
+}
+
+/// Bytes of the stack, and how many of them were used since it was painted.
+pub fn stack() -> Option<Stack> {
+    let (_, words) = bounds();
+    let painted = (0..words).take_while(|&word| painted(word)).count();
     Some(Stack { size: words * size_of::<u32>(), used: (words - painted) * size_of::<u32>() })
 }
 

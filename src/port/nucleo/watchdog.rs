@@ -1,5 +1,7 @@
 //! The independent watchdog, IWDG: it counts by an oscillator of its own, LSI.
 
+use core::sync::atomic::{AtomicBool, Ordering};
+
 use embassy_stm32::pac::DBGMCU;
 #[cfg(not(feature = "nucleo-h753zi"))]
 use embassy_stm32::pac::IWDG;
@@ -17,6 +19,9 @@ const NARROW: Pr = Pr::DIVIDE_BY16;
 /// 16 s: an erase of flash halts the processor for up to 4 s where code is in the same bank.
 const WIDE: Pr = Pr::DIVIDE_BY128;
 
+/// It has been started. Before that its registers take nothing over, for LSI does not run.
+static RUNS: AtomicBool = AtomicBool::new(false);
+
 /// The running watchdog. Nothing but a reset ends it.
 pub struct Watchdog(());
 
@@ -29,6 +34,7 @@ impl Watchdog {
         #[cfg(not(feature = "nucleo-h753zi"))]
         DBGMCU.apb1fzr().modify(|halted| halted.set_iwdg(true));
         IWDG.kr().write(|w| w.set_key(Key::START));
+        RUNS.store(true, Ordering::Relaxed);
         set(NARROW);
         Self(())
     }
@@ -40,16 +46,18 @@ impl Watchdog {
     }
 }
 
-/// Gives the watchdog the period of an erase of flash.
-#[allow(dead_code, reason = "for settings in flash")]
-pub(in crate::port) fn widen() {
-    set(WIDE);
+/// Gives the watchdog, where it runs, the period of an erase of flash.
+pub(super) fn widen() {
+    if RUNS.load(Ordering::Relaxed) {
+        set(WIDE);
+    }
 }
 
 /// Takes that back.
-#[allow(dead_code, reason = "for settings in flash")]
-pub(in crate::port) fn narrow() {
-    set(NARROW);
+pub(super) fn narrow() {
+    if RUNS.load(Ordering::Relaxed) {
+        set(NARROW);
+    }
 }
 
 /// A new period, from now on. It takes LSI a few of its cycles to take each register over.

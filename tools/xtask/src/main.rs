@@ -3,7 +3,9 @@
 mod bench;
 mod board;
 mod command;
+mod cost;
 mod cross;
+mod docs;
 mod emulate;
 mod firmware;
 mod fuzz;
@@ -34,8 +36,8 @@ const COMMANDS: &[Command] = &[
     },
     Command {
         name: "size",
-        usage: "[--board NAME|all] [--top N]",
-        does: "flash and RAM of each board against its budget, and the N largest statics",
+        usage: "[--board NAME|all] [--top N] | --write",
+        does: "flash and RAM of each board against budget and docs/boards.md, and the N largest statics",
         run: size::run,
     },
     Command {
@@ -49,6 +51,12 @@ const COMMANDS: &[Command] = &[
         usage: "[--port N] [--modbus-port N] | --test",
         does: "run the firmware on an emulated board with simulated drives, or the scenarios on it",
         run: emulate::run,
+    },
+    Command {
+        name: "cost",
+        usage: "[--write | --profile NAME]",
+        does: "instructions of each transaction against docs/cost.md, or by function",
+        run: cost::run,
     },
     Command { name: "fuzz", usage: "[--smoke] [TARGET]", does: "run the fuzz targets", run: fuzz::run },
     Command {

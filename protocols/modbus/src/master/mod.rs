@@ -152,8 +152,9 @@ impl Master {
             if self.echo_left > 0 && self.take_echo(byte) {
                 continue;
             }
-            let heard = self.receiver.push(now, byte, &self.request);
-            self.take_frames(now, heard);
+            if let Some(heard) = self.receiver.push(now, byte, &self.request) {
+                self.take_frames(now, Some(heard));
+            }
         }
     }
 
@@ -236,7 +237,7 @@ impl Master {
 
     /// When waiting ends: at the deadline, but not while a frame is arriving, nor ever after the limit.
     fn end(&self, deadline: Instant, limit: Instant) -> Instant {
-        deadline.max(limit.min(self.last_received + self.gap))
+        deadline.max(limit.min(self.last_received + self.receiver.pause().max(self.gap)))
     }
 
     fn transmit(&mut self, now: Instant) {
