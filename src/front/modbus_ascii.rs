@@ -3,7 +3,7 @@
 use core::fmt::Write;
 use core::future::poll_fn;
 
-use puente_modbus::{Exception, FrameError, ascii};
+use puente_modbus::{FrameError, ascii};
 
 use super::lines::Reply;
 use super::modbus_tcp::{Flights, route};
@@ -16,29 +16,27 @@ pub(super) struct Task<'g> {
 }
 
 /// Reads a frame and queues its request. What is no frame gets a line `error ...`, which a Modbus ASCII master passes
-/// over; what is refused gets an exception.
+/// over; what is refused gets an exception; then there is no task.
 pub(super) fn begin<'g>(
     gateway: &'g Gateway,
     guest: Guest,
     gone: bool,
     line: &[u8],
     reply: &mut Reply,
-) -> Task<'g> {
-    let (unit, routed) = match ascii::parse(line) {
-        Ok(frame) => {
-            let function = frame.pdu.first().copied().unwrap_or_default();
-            let routed = route(gateway, guest, gone, frame.unit, &frame.pdu);
-            (
-                frame.unit,
-                routed.map_err(|exception: Exception| push(reply, frame.unit, &exception.pdu(function))),
-            )
-        }
+) -> Option<Task<'g>> {
+    match ascii::parse(line) {
+        Ok(frame) => match route(gateway, guest, gone, frame.unit, &frame.pdu) {
+            Ok(flights) => Some(Task { unit: frame.unit, flights }),
+            Err(exception) => {
+                push(reply, frame.unit, &exception.pdu(frame.pdu.first().copied().unwrap_or_default()));
+                None
+            }
+        },
         Err(error) => {
             let _ = write!(reply, "error {} {error}\r\n", code(error));
-            (0, Err(()))
+            None
         }
-    };
-    Task { unit, flights: routed.unwrap_or_default() }
+    }
 }
 
 /// Waits for the reply, where one is due: a broadcast has none.
