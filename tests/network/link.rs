@@ -5,10 +5,13 @@ use std::net::TcpStream;
 use std::thread;
 use std::time::{Duration, Instant};
 
+use puente_modbus::Mode;
+
 use crate::common::client::{Modbus, connect, figure, mbap, read_pdu, value};
 use crate::common::ethernet::Host;
 use crate::common::rig::Rig;
-use crate::common::{ms, until};
+use crate::common::wire::cell;
+use crate::common::{Gateway, ms, thesis, until};
 use crate::{LEASED, beside};
 
 const STATUS: u16 = 0x0901;
@@ -99,6 +102,29 @@ fn a_link_that_is_cut_for_5_s_stops_the_axis_and_heals() {
     assert!(readings > 0);
     // The axis is free for a new commander.
     let (_commander, _) = rig.jogging();
+}
+
+/// A DHCP server may give the board another address when the link is back; its own one stays, and so do its connections.
+#[test]
+fn connections_to_the_boards_own_address_outlast_a_cut_but_no_lease_does() {
+    let wire = cell(Mode::Ascii, thesis(), &[1, 2, 3]);
+    let own = "dhcp = false\naddress = \"10.0.2.15/24\"\nrouter = \"10.0.2.2\"";
+    let gateway = Gateway::start(&Rig::document(Mode::Ascii, 250, &wire, "").net(own));
+    let mut rig = Rig { wire, gateway };
+    let mut client = Modbus::connect(rig.gateway.modbus);
+    assert!(client.read(2, STATUS, 1).is_ok());
+    let (mut commander, _) = rig.jogging();
+    let lost = Instant::now();
+    link(&mut rig, "off");
+    until("the board notices", || said(&rig, NO_LINK) > 0);
+    rig.stop_after(lost);
+    commander.send("axis x status");
+    thread::sleep(ms(500));
+    link(&mut rig, "on");
+    // What was said meanwhile arrives late, over the same connection.
+    let status = commander.line();
+    assert_eq!(value(&status, "event"), Some("lease-expired"), "{status}");
+    assert!(client.read(2, STATUS, 1).is_ok());
 }
 
 /// What clients have said when the link is cut: nothing, half a request, requests that wait for the line, half the head of
