@@ -22,11 +22,12 @@ pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) 
     let mut master = Master::new(config);
     let mut buffer = [0; 256];
     let mut current: Option<Ticket> = None;
+    let longest = config.line.wire_time(puente_modbus::ascii::MAX_ADU);
     loop {
         let now = clock::now();
         match master.poll(now) {
             Action::Transmit(frame) => {
-                work.alive(now + config.line.wire_time(frame.len()) + LATE);
+                work.alive(now + longest + LATE);
                 if let Err(error) = send(line, frame).await {
                     master = Master::new(config);
                     let untouched = error.kind() == ErrorKind::NotConnected;
@@ -54,7 +55,7 @@ pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) 
                         master.end_quarantine(job.unit);
                     }
                     // The master is idle here, so it cannot refuse.
-                    if master.submit(job.unit, &job.pdu).is_ok() {
+                    if work.request(job.ticket, |pdu| master.submit(job.unit, pdu)).is_ok() {
                         current = Some(job.ticket);
                     } else {
                         work.finish(now, job.ticket, End::LineDown);
@@ -67,9 +68,12 @@ pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) 
         let sign = now + SIGN;
         let wake = wake.map_or(sign, |wake| wake.min(sign));
         work.alive(sign + LATE);
+        line.expect(master.lacks());
         match select3(line.read(&mut buffer), clock::at(Some(wake)), work.changed()).await {
             Either3::First(Ok(n)) if n > 0 => {
-                master.receive(clock::now(), buffer.get(..n).unwrap_or_default());
+                // What is there when the time has come was there before.
+                let heard = clock::now().min(wake.before()).max(now);
+                master.receive(heard, buffer.get(..n).unwrap_or_default());
                 if current.is_none() {
                     // Of what comes unasked nothing else tells.
                     work.counted(master.counters());
@@ -107,7 +111,7 @@ mod tests {
 
     use embedded_io_async::{ErrorType, Read, Write};
     use puente_line::Instant;
-    use puente_modbus::{Counters, Echo, Mode, Pdu};
+    use puente_modbus::{Counters, Echo, Mode};
 
     use super::super::Job;
     use super::*;
@@ -145,6 +149,10 @@ mod tests {
             self.0.borrow_mut().take().map_or(Next::Wait(None), Next::Job)
         }
 
+        fn request<R>(&self, _: Ticket, f: impl FnOnce(&[u8]) -> R) -> R {
+            f(&[3, 0, 0, 0, 1])
+        }
+
         async fn changed(&self) {
             core::future::pending().await
         }
@@ -175,9 +183,12 @@ mod tests {
         let work = Work(RefCell::new(job), Cell::new(None));
         let mut dead = Dead;
         let before = clock::now();
-        assert!(
-            pin!(pump(&mut dead, config, &work)).poll(&mut Context::from_waker(Waker::noop())).is_pending()
-        );
+        let mut pump = pin!(pump(&mut dead, config, &work));
+        let mut poll = || assert!(pump.as_mut().poll(&mut Context::from_waker(Waker::noop())).is_pending());
+        poll();
+        // Longer than the line has to be silent before a frame.
+        std::thread::sleep(Duration::from_millis(20));
+        poll();
         work.1.get().expect("a sign of life").since(before)
     }
 
@@ -186,10 +197,9 @@ mod tests {
     fn a_pump_says_until_when_it_shows_life_again() {
         let idle = word(None);
         assert!((SIGN + LATE..SIGN + LATE + Duration::from_secs(10)).contains(&idle), "{idle:?}");
-        let pdu = Pdu::from_slice(&[3, 0, 0, 0, 1]).expect("short");
-        let sending = word(Some(Job { ticket: Ticket(0), unit: 1, haste: Haste::None, pdu }));
-        // 17 characters of 11 bits.
-        let least = Duration::from_micros(17 * 11 * 1_000_000 / 9600) + LATE;
+        let sending = word(Some(Job { ticket: Ticket(0), unit: 1, haste: Haste::None }));
+        // The longest frame has 513 characters of 11 bits.
+        let least = Duration::from_micros(513 * 11 * 1_000_000 / 9600) + LATE;
         assert!((least..least + Duration::from_secs(10)).contains(&sending), "{sending:?}");
     }
 }

@@ -21,7 +21,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use heapless::Vec;
 use puente_line::{Duration, Instant};
-use puente_modbus::{Evidence, Pdu};
+use puente_modbus::Evidence;
 
 pub use duty::Duty;
 pub use lease::{Cause, Event, Holder, Leased, Permit};
@@ -103,7 +103,7 @@ pub enum Class {
 }
 
 /// A request for a bus.
-pub struct Order {
+pub struct Order<'a> {
     /// The client's place, for a fair order.
     pub seat: u8,
     /// Index of the bus.
@@ -113,7 +113,7 @@ pub struct Order {
     /// What it may do.
     pub class: Class,
     /// Function code and data.
-    pub pdu: Pdu,
+    pub pdu: &'a [u8],
 }
 
 /// What the desk has to know of a bus.
@@ -233,12 +233,12 @@ impl Desk {
     }
 
     /// Queues a request. It is answered, or dropped, within the bus's queue time-out plus one transaction.
-    pub fn submit(&self, now: Instant, order: Order) -> Result<Pending<'_>, Failure> {
+    pub fn submit(&self, now: Instant, order: Order<'_>) -> Result<Pending<'_>, Failure> {
         let bus = usize::from(order.bus);
         let ticket = self.with(|state| {
             let found = state.buses.get_mut(bus).ok_or(Reason::Unmapped)?;
             let deadline = now + found.spec.queue_timeout;
-            let ticket = state.queue.insert(order, now, deadline);
+            let ticket = state.queue.insert(&order, now, deadline);
             found.statistics.submitted += 1;
             if ticket.is_none() {
                 found.statistics.not_sent(Reason::QueueFull);

@@ -25,18 +25,20 @@ fn at(millis: u64) -> Instant {
     Instant::from_millis(millis)
 }
 
-fn order(seat: u8, unit: u8, class: Class) -> Order {
-    Order { seat, bus: 0, unit, class, pdu: Pdu::from_slice(&[3, 0, seat, 0, 1]).expect("short") }
+/// A request whose PDU tells the seat.
+fn order(seat: u8, unit: u8, class: Class) -> Order<'static> {
+    Order { seat, bus: 0, unit, class, pdu: Box::leak(Box::new([3, 0, seat, 0, 1])) }
 }
 
-fn submit(desk: &Desk, now: Instant, order: Order) -> Pending<'_> {
+fn submit<'d>(desk: &'d Desk, now: Instant, order: Order<'_>) -> Pending<'d> {
     desk.submit(now, order).unwrap_or_else(|failure| panic!("{failure}"))
 }
 
 /// The next job for the bus, by ticket and the seat in its PDU.
 fn next(desk: &Desk, now: Instant) -> Option<(Ticket, u8)> {
-    match (BusQueue { desk, bus: 0 }).next(now, |_, _| Instant::ZERO) {
-        Next::Job(job) => Some((job.ticket, *job.pdu.get(2).expect("seat"))),
+    let queue = BusQueue { desk, bus: 0 };
+    match queue.next(now, |_, _| Instant::ZERO) {
+        Next::Job(job) => Some((job.ticket, queue.request(job.ticket, |pdu| *pdu.get(2).expect("seat")))),
         Next::Wait(_) => None,
     }
 }
@@ -155,13 +157,15 @@ fn a_stop_goes_out_in_the_quarantine_of_its_slave() {
     let ready = |_, haste| if haste == Haste::InQuarantineToo { Instant::ZERO } else { at(500) };
     let queue = BusQueue { desk: &desk, bus: 0 };
     let write = |value| Pdu::from_slice(&[6, 0x10, 0x24, 0, value]).expect("short");
-    let _write = submit(&desk, at(0), Order { pdu: write(1), ..order(0, 1, Class::Free) });
+    let _write = submit(&desk, at(0), Order { pdu: &write(1), ..order(0, 1, Class::Free) });
     // The reply to a jog with function 10h would pass for the reply to this stop.
-    let pdu = Pdu::from_slice(&[0x10, 0x10, 0x24, 0, 1, 2, 0, 0]).expect("short");
+    let pdu = &[0x10, 0x10, 0x24, 0, 1, 2, 0, 0];
     let _not_repeated = submit(&desk, at(0), Order { pdu, ..order(0, 1, Class::Stop) });
     assert!(matches!(queue.next(at(1), ready), Next::Wait(_)));
-    let _stop = submit(&desk, at(0), Order { pdu: write(0), ..order(0, 1, Class::Stop) });
-    assert!(matches!(queue.next(at(1), ready), Next::Job(job) if job.pdu == write(0)));
+    let _stop = submit(&desk, at(0), Order { pdu: &write(0), ..order(0, 1, Class::Stop) });
+    assert!(
+        matches!(queue.next(at(1), ready), Next::Job(job) if queue.request(job.ticket, |pdu| pdu == write(0)))
+    );
 }
 
 #[test]

@@ -24,19 +24,21 @@ pub(super) fn begin<'g>(
     line: &[u8],
     reply: &mut Reply,
 ) -> Option<Task<'g>> {
-    match ascii::parse(line) {
-        Ok(frame) => match route(gateway, guest, gone, frame.unit, &frame.pdu) {
-            Ok(flights) => Some(Task { unit: frame.unit, flights }),
-            Err(exception) => {
-                push(reply, frame.unit, &exception.pdu(frame.pdu.first().copied().unwrap_or_default()));
-                None
-            }
-        },
+    let frame = match ascii::parse(line) {
+        Ok(frame) => frame,
         Err(error) => {
             let _ = write!(reply, "error {} {error}\r\n", code(error));
-            None
+            return None;
         }
+    };
+    let mut task = Task { unit: frame.unit, flights: Flights::new() };
+    // One flight a bus fits: the vector is as long as there can be buses.
+    let take = |flight| task.flights.push(flight).is_ok();
+    if let Err(exception) = route(gateway, guest, gone, frame.unit, &frame.pdu, take) {
+        push(reply, frame.unit, &exception.pdu(frame.pdu.first().copied().unwrap_or_default()));
+        return None;
     }
+    Some(task)
 }
 
 /// Waits for the reply, where one is due: a broadcast has none.

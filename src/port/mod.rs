@@ -123,7 +123,11 @@ pub trait Listener {
 /// The bytes of one serial line. `read` answers with what is there, and must lose nothing when it is dropped.
 /// After an error both methods may be called again: the port reopens the line, waiting where it must. A write that
 /// fails with `NotConnected` has sent nothing; an error of a spoilt character is `InvalidData`.
-pub trait SerialLine: Read + Write {}
+pub trait SerialLine: Read + Write {
+    /// The next `count` characters decide nothing before the last of them is there: `read` may wait for it, as long as
+    /// they come without a pause.
+    fn expect(&mut self, _count: usize) {}
+}
 
 /// What the lamps of a board show.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -26,6 +26,11 @@ impl Instant {
         self.0
     }
 
+    /// The moment just before this one.
+    pub const fn before(self) -> Self {
+        Self(self.0.saturating_sub(1))
+    }
+
     /// Time passed since `earlier`; zero where `earlier` is later.
     pub const fn since(self, earlier: Self) -> Duration {
         Duration::from_micros(self.0.saturating_sub(earlier.0))

@@ -315,7 +315,7 @@ async fn scan(
 async fn probe(gateway: &Gateway, guest: Guest, bus: u8, unit: u8) -> Result<(), Failure> {
     let address = puente_drives::edb::register::STATUS;
     let pdu = Request::ReadHoldingRegisters { address, quantity: 1 }.emit();
-    let order = Order { seat: guest.seat, bus, unit, class: Class::Probe, pdu };
+    let order = Order { seat: guest.seat, bus, unit, class: Class::Probe, pdu: &pdu };
     let mut pending = gateway.desk.submit(clock::now(), order)?;
     pending.answer(|answer| answer.map(|_| ())).await
 }

@@ -47,6 +47,8 @@ const RECEIVE: usize = 1024;
 struct Buffers {
     outgoing: Deque<u8, TRANSMIT>,
     incoming: Deque<u8, RECEIVE>,
+    /// So many of them wake the reader, or a pause after fewer.
+    expected: usize,
     /// The last character that went out has had no time yet.
     sending: bool,
     /// The timer ticks.
@@ -70,8 +72,13 @@ pub(super) static UART2: Uart =
 
 impl Uart {
     const fn new(registers: Registers, pacer: Pacer, interrupts: [Interrupt; 2]) -> Self {
-        let buffers =
-            Buffers { outgoing: Deque::new(), incoming: Deque::new(), sending: false, ticking: false };
+        let buffers = Buffers {
+            outgoing: Deque::new(),
+            incoming: Deque::new(),
+            expected: 1,
+            sending: false,
+            ticking: false,
+        };
         Self {
             registers,
             pacer,
@@ -100,6 +107,9 @@ impl Uart {
         self.pacer.clear();
         self.with(|buffers| {
             let received = self.take(buffers);
+            if !received && !buffers.incoming.is_empty() {
+                self.reader.wake();
+            }
             let sent = self.registers.read(STATE) & TRANSMIT_FULL == 0;
             if sent {
                 self.send(buffers);
@@ -122,7 +132,9 @@ impl Uart {
         if received {
             // Where there is no room it is lost, as characters are that nobody fetches.
             let _ = buffers.incoming.push_back(self.registers.read(DATA) as u8);
-            self.reader.wake();
+            if buffers.incoming.len() >= buffers.expected {
+                self.reader.wake();
+            }
         }
         received
     }
@@ -218,4 +230,8 @@ impl Write for Line {
     }
 }
 
-impl crate::port::SerialLine for Line {}
+impl crate::port::SerialLine for Line {
+    fn expect(&mut self, count: usize) {
+        self.uart.with(|buffers| buffers.expected = count.min(RECEIVE / 2));
+    }
+}

@@ -29,7 +29,8 @@ const RETRIES: usize = 5;
 
 /// What a transaction costs, in instructions.
 struct Cost {
-    median: u64,
+    /// The lower quartile: what disturbs a batch only adds to it.
+    quartile: u64,
     least: u64,
     most: u64,
 }
@@ -56,16 +57,16 @@ pub fn run(arguments: &[String]) -> Outcome {
     let mut echo = None;
     println!("{:<44}{:>9}  {:<17}{:>6}{:>9}", "transaction", "counts", "spread", "echoes", "before");
     for transaction in ALL {
-        let Cost { median, least, most } = measure(&rig, transaction)?;
-        let echoes = median as f64 / *echo.get_or_insert(median) as f64;
+        let Cost { quartile, least, most } = measure(&rig, transaction)?;
+        let echoes = quartile as f64 / *echo.get_or_insert(quartile) as f64;
         let spread = format!("{} to {}", figure(least), figure(most));
         let before = row(&printed, transaction.name).and_then(|cells| value(cells.first()?));
         let shown = before.map_or("-".to_owned(), figure);
-        println!("{:<44}{:>9}  {spread:<17}{echoes:>6.2}{shown:>9}", transaction.name, figure(median));
-        table += &format!("| {} | {} | {spread} | {echoes:.2} |\n", transaction.name, figure(median));
+        println!("{:<44}{:>9}  {spread:<17}{echoes:>6.2}{shown:>9}", transaction.name, figure(quartile));
+        table += &format!("| {} | {} | {spread} | {echoes:.2} |\n", transaction.name, figure(quartile));
         match before {
-            Some(before) if median * 100 <= before * (100 + ALLOWED) => {}
-            Some(before) => more.push(format!("{}: {median} instructions, not {before}", transaction.name)),
+            Some(before) if quartile * 100 <= before * (100 + ALLOWED) => {}
+            Some(before) => more.push(format!("{}: {quartile} instructions, not {before}", transaction.name)),
             None => more.push(format!("{}: not in the table", transaction.name)),
         }
     }
@@ -83,7 +84,7 @@ pub fn run(arguments: &[String]) -> Outcome {
     Ok(())
 }
 
-/// The median of some batches on one open connection, without what the firmware does by itself in the same time.
+/// What some batches cost on one open connection, without what the firmware does by itself in the same time.
 fn measure(rig: &Rig, transaction: &Transaction) -> Result<Cost, String> {
     let mut connection = (transaction.connect)(&rig.board)?;
     for _ in 0..WARM_UP {
@@ -110,7 +111,7 @@ fn measure(rig: &Rig, transaction: &Transaction) -> Result<Cost, String> {
     }
     costs.sort_unstable();
     match *costs.as_slice() {
-        [least, .., most] => Ok(Cost { median: costs[costs.len() / 2], least, most }),
+        [least, .., most] => Ok(Cost { quartile: costs[costs.len() / 4], least, most }),
         _ => Err("fewer than two batches".into()),
     }
 }
