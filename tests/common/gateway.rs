@@ -257,6 +257,15 @@ impl Gateway {
         child.wait().expect("its end")
     }
 
+    /// The process that it runs in.
+    pub fn process(&self) -> u32 {
+        match &self.process {
+            Process::Host(child) => child.id(),
+            Process::Board(board) => board.id(),
+            Process::Ended => panic!("it has ended"),
+        }
+    }
+
     /// Gives the emulator a command of its monitor.
     pub fn monitor(&mut self, command: &str) -> String {
         match &mut self.process {

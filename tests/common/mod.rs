@@ -4,6 +4,7 @@
 mod board;
 pub mod client;
 mod document;
+pub mod ethernet;
 mod gateway;
 pub mod rig;
 mod target;

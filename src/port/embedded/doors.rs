@@ -1,7 +1,8 @@
 //! Which port each idle place listens on.
 //!
-//! A place listens on one port at a time, and the stack refuses whoever finds no place listening. So the idle places
-//! share themselves out evenly, anew whenever one of them has got a client.
+//! A place listens on one port at a time, and whoever finds no place listening has to wait. So a place goes back to where
+//! its last client came, who may be about to come again; and one comes over from the other door for everybody who has to
+//! wait, and where hardly any is left.
 
 use core::cell::Cell;
 
@@ -12,76 +13,111 @@ use embassy_sync::watch::{Receiver, Watch};
 use super::limits::SLOTS;
 use crate::port::Door;
 
-/// Idle places on the main and on the Modbus/TCP port.
-static IDLE: Mutex<CriticalSectionRawMutex, Cell<(usize, usize)>> = Mutex::new(Cell::new((0, 0)));
+/// Idle places that a door keeps.
+const KEPT: usize = 2;
+
+/// A door.
+#[derive(Clone, Copy)]
+struct Side {
+    /// Places that listen there.
+    idle: usize,
+    /// Clients that had to wait, and for whom no place has come free or over yet.
+    waiting: usize,
+}
+
+impl Side {
+    const EMPTY: Self = Self { idle: 0, waiting: 0 };
+
+    fn wants(self) -> bool {
+        self.waiting > 0 || self.idle < KEPT
+    }
+
+    fn can_give(self) -> bool {
+        self.waiting == 0 && self.idle > KEPT
+    }
+}
+
+/// The main and the Modbus/TCP door.
+static SIDES: Mutex<CriticalSectionRawMutex, Cell<[Side; 2]>> = Mutex::new(Cell::new([Side::EMPTY; 2]));
 static CHANGED: Watch<CriticalSectionRawMutex, (), SLOTS> = Watch::new();
+
+/// Changes what is known of a door and of the other one, and tells all places.
+fn change<R>(door: Door, f: impl FnOnce(&mut Side, &mut Side) -> R) -> R {
+    let result = SIDES.lock(|sides| {
+        let [mut main, mut modbus] = sides.get();
+        let result = match door {
+            Door::Main => f(&mut main, &mut modbus),
+            Door::Modbus => f(&mut modbus, &mut main),
+        };
+        sides.set([main, modbus]);
+        result
+    });
+    CHANGED.sender().send(());
+    result
+}
+
+/// A client found no place listening, and has to wait.
+pub(super) fn missed(door: Door) {
+    change(door, |side, _| side.waiting = (side.waiting + 1).min(SLOTS));
+}
 
 /// One place's part in it.
 pub(super) struct Post {
     door: Option<Door>,
+    /// Where the last client came.
+    last: Option<Door>,
     changed: Receiver<'static, CriticalSectionRawMutex, (), SLOTS>,
 }
 
 impl Post {
     /// One for every place; none beyond [`SLOTS`].
     pub(super) fn new() -> Option<Self> {
-        Some(Self { door: None, changed: CHANGED.receiver()? })
+        Some(Self { door: None, last: None, changed: CHANGED.receiver()? })
     }
 
-    /// The door to listen at: as before, or, for a place that was busy, the one with fewer idle places.
+    /// The door to listen at: as before; for a place that was busy, that of its client; at first, the one with fewer idle
+    /// places.
     pub(super) fn take(&mut self) -> Door {
         if let Some(door) = self.door {
             return door;
         }
-        let door = IDLE.lock(|idle| {
-            let (main, modbus) = idle.get();
-            let (door, after) = if main <= modbus {
-                (Door::Main, (main + 1, modbus))
-            } else {
-                (Door::Modbus, (main, modbus + 1))
-            };
-            idle.set(after);
-            door
-        });
+        let [main, modbus] = SIDES.lock(Cell::get);
+        let fewer = if main.idle <= modbus.idle { Door::Main } else { Door::Modbus };
+        let door = self.last.unwrap_or(fewer);
         self.door = Some(door);
-        CHANGED.sender().send(());
+        change(door, |side, _| {
+            side.idle += 1;
+            side.waiting = side.waiting.saturating_sub(1);
+        });
         door
     }
 
     /// The place has a client, and is idle no more.
     pub(super) fn leave(&mut self) {
         let Some(door) = self.door.take() else { return };
-        IDLE.lock(|idle| {
-            let (main, modbus) = idle.get();
-            idle.set(match door {
-                Door::Main => (main.saturating_sub(1), modbus),
-                Door::Modbus => (main, modbus.saturating_sub(1)),
-            });
-        });
-        CHANGED.sender().send(());
+        self.last = Some(door);
+        change(door, |side, _| side.idle = side.idle.saturating_sub(1));
     }
 
-    /// Resolves when this place has changed to the other door, where idle places are fewer.
-    pub(super) async fn moved(&mut self) {
-        while !self.step() {
-            self.changed.changed().await;
-        }
+    /// Resolves when anything has changed at the doors.
+    pub(super) async fn changed(&mut self) {
+        self.changed.changed().await;
     }
 
-    /// Changes doors if that makes the numbers more even.
-    fn step(&mut self) -> bool {
-        let Some(door) = self.door else { return false };
-        let next = IDLE.lock(|idle| {
-            let (main, modbus) = idle.get();
-            let (next, after) = match door {
-                Door::Main if main > modbus + 1 => (Door::Modbus, (main - 1, modbus + 1)),
-                Door::Modbus if modbus > main + 1 => (Door::Main, (main + 1, modbus - 1)),
-                _ => return None,
-            };
-            idle.set(after);
-            Some(next)
+    /// Goes over to the other door, where a place is wanted there and can be spared here; whether it did.
+    pub(super) fn moves(&mut self) -> bool {
+        let [main, modbus] = SIDES.lock(Cell::get);
+        let to = match self.door {
+            Some(Door::Main) if modbus.wants() && main.can_give() => Door::Modbus,
+            Some(Door::Modbus) if main.wants() && modbus.can_give() => Door::Main,
+            _ => return false,
+        };
+        change(to, |side, other| {
+            side.idle += 1;
+            side.waiting = side.waiting.saturating_sub(1);
+            other.idle = other.idle.saturating_sub(1);
         });
-        self.door = next.or(self.door);
-        next.is_some()
+        self.door = Some(to);
+        true
     }
 }

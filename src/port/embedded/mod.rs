@@ -2,6 +2,7 @@
 //! microcontroller allows.
 
 mod address;
+mod backlog;
 pub mod defaults;
 mod doors;
 #[cfg(feature = "test-hooks")]
@@ -18,6 +19,7 @@ pub(super) mod stack;
 pub(super) mod vital;
 
 pub use address::Address;
+pub(super) use backlog::Patient;
 pub use net::Network;
 pub(super) use net::network;
 pub use restart::restart;

@@ -6,6 +6,7 @@ use embassy_net::{Config, Runner, Stack, StackResources};
 use static_cell::StaticCell;
 
 use super::address::{Address, join};
+use super::backlog::Patient;
 use super::limits::SLOTS;
 use super::socket::{Place, Ports, places};
 use crate::port::Link;
@@ -18,10 +19,10 @@ pub struct Network(Stack<'static>);
 
 /// The network, without an address yet, and what has to run for it. `seed` makes TCP sequence numbers hard to guess.
 /// Call it once.
-pub(in crate::port) fn network<D: Driver>(device: D, seed: u64) -> (Network, Runner<'static, D>) {
+pub(in crate::port) fn network<D: Driver>(device: D, seed: u64) -> (Network, Runner<'static, Patient<D>>) {
     static RESOURCES: StaticCell<StackResources<SOCKETS>> = StaticCell::new();
     let (stack, runner) =
-        embassy_net::new(device, Config::default(), RESOURCES.init_with(StackResources::new), seed);
+        embassy_net::new(Patient(device), Config::default(), RESOURCES.init_with(StackResources::new), seed);
     (Network(stack), runner)
 }
 

@@ -3,9 +3,10 @@
 use embassy_futures::select::{Either, select};
 use embassy_net::tcp::{self, State, TcpReader, TcpSocket, TcpWriter};
 use embassy_net::{IpAddress, Stack};
-use embassy_time::{Duration, Timer, with_timeout};
+use embassy_time::{Duration, with_timeout};
 use static_cell::ConstStaticCell;
 
+use super::backlog;
 use super::doors::Post;
 use super::limits::SLOTS;
 use crate::port::{self, Door, Peer};
@@ -40,6 +41,7 @@ pub(in crate::port) struct Ports {
 pub(in crate::port) fn places(stack: Stack<'static>, ports: Ports) -> [Place; SLOTS] {
     type Buffers = [([u8; RECEIVE], [u8; SEND]); SLOTS];
     static BUFFERS: ConstStaticCell<Buffers> = ConstStaticCell::new([([0; RECEIVE], [0; SEND]); SLOTS]);
+    backlog::open(ports);
     BUFFERS.take().each_mut().map(|(receive, send)| {
         let mut socket = TcpSocket::new(stack, receive, send);
         socket.set_keep_alive(Some(KEEP_ALIVE));
@@ -53,26 +55,27 @@ pub(in crate::port) fn places(stack: Stack<'static>, ports: Ports) -> [Place; SL
 impl Place {
     /// Waits for a client at the door where this place is posted; the door where it came, if it did.
     async fn listen(&mut self) -> Option<Door> {
-        let door = self.post.take();
-        let port = match door {
-            Door::Main => self.ports.main,
-            Door::Modbus => self.ports.modbus,
-        };
-        match select(self.socket.accept(port), self.post.moved()).await {
-            Either::First(accepted) => accepted.ok()?,
-            Either::Second(()) => self.established().await?,
+        loop {
+            let door = self.post.take();
+            let port = match door {
+                Door::Main => self.ports.main,
+                Door::Modbus => self.ports.modbus,
+            };
+            match select(self.socket.accept(port), self.post.changed()).await {
+                Either::First(accepted) => return accepted.ok().map(|()| door),
+                // Somebody has knocked: this place is not free to go.
+                Either::Second(()) if self.socket.state() != State::Listen => {
+                    return self.established().await.map(|()| door);
+                }
+                Either::Second(()) if self.post.moves() => self.socket.abort(),
+                Either::Second(()) => {}
+            }
         }
-        Some(door)
     }
 
-    /// Sees a handshake through that was under way when this place was sent to the other door.
+    /// Sees a handshake through.
     async fn established(&mut self) -> Option<()> {
-        let handshake = async {
-            while self.socket.state() == State::SynReceived {
-                Timer::after_millis(1).await;
-            }
-        };
-        with_timeout(LINGER, handshake).await.ok()?;
+        let _ = with_timeout(LINGER, self.socket.wait_write_ready()).await;
         matches!(self.socket.state(), State::Established | State::CloseWait).then_some(())
     }
 

@@ -28,7 +28,7 @@ pub use lines::{BadPort, Lines, check_line};
 pub(super) use log::{last_words, log, logs};
 pub use watchdog::Watchdog;
 
-use crate::port::embedded::{Network, network, vital};
+use crate::port::embedded::{Network, Patient, network, vital};
 use lan9118::Lan9118;
 
 /// TCP sequence numbers can be guessed here: there is no source of random numbers, and nobody to guess them.
@@ -88,6 +88,6 @@ pub fn temperature() -> Option<i16> {
 }
 
 #[embassy_executor::task]
-async fn network_task(mut runner: Runner<'static, Lan9118>) -> ! {
+async fn network_task(mut runner: Runner<'static, Patient<Lan9118>>) -> ! {
     runner.run().await
 }

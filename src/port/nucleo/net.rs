@@ -9,7 +9,7 @@ use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::peripherals::{ETH, ETH_SMA, PA1, PA2, PA7, PB13, PC1, PC4, PC5, PG11, PG13};
 use embassy_stm32::{Peri, bind_interrupts, interrupt};
 
-use crate::port::embedded::{Network, network};
+use crate::port::embedded::{Network, Patient, network};
 
 bind_interrupts!(struct Interrupts {
     ETH => eth::InterruptHandler;
@@ -74,6 +74,6 @@ pub(super) fn start(spawner: Spawner, parts: Parts, mac: [u8; 6], seed: u64) -> 
 }
 
 #[embassy_executor::task]
-async fn run(mut runner: Runner<'static, Device>) -> ! {
+async fn run(mut runner: Runner<'static, Patient<Device>>) -> ! {
     runner.run().await
 }

@@ -44,6 +44,9 @@ pub struct Setup {
     /// Who else is on the Ethernet: a listener that QEMU connects to. Each frame comes and goes without its FCS, after
     /// its length as 4 bytes, the most significant first.
     pub ethernet: Option<SocketAddr>,
+    /// QEMU's own network is there, with its DHCP server and the forwarded ports. Without it nobody but `ethernet` can
+    /// tell when the firmware answers.
+    pub user_network: bool,
     /// The user button is held, at every start.
     pub button: bool,
     /// A plugin of QEMU with its options, as QEMU takes it.
@@ -58,6 +61,7 @@ impl Setup {
             lines: [Some(line), None],
             ports: [0, 0],
             ethernet: None,
+            user_network: true,
             button: false,
             plugin: None,
         }
@@ -79,8 +83,8 @@ pub struct Emulator {
 }
 
 impl Emulator {
-    /// Starts the board, and returns when the firmware answers. `log` is called with each line of the firmware's log,
-    /// from another thread.
+    /// Starts the board, and returns when the firmware answers, where it can. `log` is called with each line of the
+    /// firmware's log, from another thread.
     ///
     /// The error is a sentence.
     pub fn start(setup: &Setup, log: impl Fn(&str) + Send + Sync + 'static) -> Result<Self, String> {
@@ -89,6 +93,9 @@ impl Emulator {
         loop {
             let ports = free(setup.ports)?;
             let mut board = launch(setup, ports, log.clone())?;
+            if !setup.user_network {
+                return Ok(board);
+            }
             match board.answers() {
                 Ok(()) => return Ok(board),
                 // A port that was free is not any more.
@@ -104,6 +111,11 @@ impl Emulator {
     /// The error is a sentence.
     pub fn monitor(&mut self, command: &str) -> Result<String, String> {
         self.monitor.ask(command).map_err(|error| format!("{QEMU}, {command}: {error}"))
+    }
+
+    /// The process that QEMU is.
+    pub fn id(&self) -> u32 {
+        self.child.id()
     }
 
     /// Whether QEMU has ended by itself.
@@ -174,20 +186,20 @@ fn launch(
 ) -> Result<Emulator, String> {
     let mut qemu = Command::new(QEMU);
     qemu.args(["-machine", "mps2-an500", "-display", "none", "-monitor", "none", "-qmp", "stdio"]);
-    let ports = [(main, 80), (modbus, 502), (echo, 7)];
-    let forwarded = ports.map(|(here, there)| format!(",hostfwd=tcp:{here}-:{there}")).concat();
-    qemu.arg("-netdev").arg(format!("user,id=user,restrict=on{forwarded}"));
-    let nic = match setup.ethernet {
-        None => "user",
-        Some(peer) => {
-            qemu.arg("-netdev").arg(format!("socket,id=peer,connect={peer}"));
-            for (port, netdev) in [("hub-user", ",netdev=user"), ("hub-peer", ",netdev=peer"), ("hub", "")] {
-                qemu.arg("-netdev").arg(format!("hubport,id={port},hubid=0{netdev}"));
-            }
-            "hub"
-        }
-    };
-    qemu.arg("-net").arg(format!("nic,model=lan9118,netdev={nic}"));
+    let mut hosts = Vec::new();
+    if setup.user_network {
+        let ports = [(main, 80), (modbus, 502), (echo, 7)];
+        let forwarded = ports.map(|(here, there)| format!(",hostfwd=tcp:{here}-:{there}")).concat();
+        hosts.push(("user", format!("user,id=user,restrict=on{forwarded}")));
+    }
+    if let Some(peer) = setup.ethernet {
+        hosts.push(("peer", format!("socket,id=peer,connect={peer}")));
+    }
+    for (name, host) in hosts {
+        let port = format!("hubport,id=hub-{name},hubid=0,netdev={name}");
+        qemu.arg("-netdev").arg(host).arg("-netdev").arg(port);
+    }
+    qemu.args(["-netdev", "hubport,id=hub,hubid=0", "-net", "nic,model=lan9118,netdev=hub"]);
     // UART0 is of no use here.
     qemu.args(["-serial", "null"]);
     for (name, line) in ["a", "b"].iter().zip(setup.lines) {
