@@ -67,7 +67,8 @@ fn stopped_by_the_new_start(rig: &Rig, after: &str, late: Duration) {
 #[test]
 fn a_panic_is_recorded_and_its_axis_stopped() {
     let mut rig = Rig::on_board(|_| {});
-    assert_eq!(system(&rig, 0)["reset"], "power-on");
+    let before = system(&rig, 0);
+    assert_eq!(before["reset"], "power-on");
     let late = fails(&mut rig, "debug panic");
     let system = system(&rig, 1);
     assert_eq!(system["reset"], "panic");
@@ -76,7 +77,7 @@ fn a_panic_is_recorded_and_its_axis_stopped() {
     assert!(text.contains("hooks.rs:") && text.ends_with(": a test hook was asked for"), "{system}");
     assert_eq!((&panic["cause"], &system["last_watchdog"]), (&Value::from("panic"), &Value::Null));
     assert!(
-        panic["uptime_ms"].as_u64() > system["uptime_ms"].as_u64(),
+        panic["uptime_ms"].as_u64() > before["uptime_ms"].as_u64(),
         "the uptime is the one before: {system}"
     );
     let line = Lines::connect(rig.gateway.main).ok("system");

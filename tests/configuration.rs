@@ -253,7 +253,7 @@ fn there_is_room_for_one_document_at_a_time_and_for_no_larger_one() {
         |length: usize| format!("PUT {CONFIG} HTTP/1.1\r\nHost: a\r\nContent-Length: {length}\r\n\r\n");
     // Refused before it is sent.
     let mut large = connect(address);
-    large.write_all(head(16_385).as_bytes()).expect("sent");
+    large.write_all(head(20_000).as_bytes()).expect("sent");
     let mut reply = String::new();
     large.read_to_string(&mut reply).expect("an answer");
     refused(answer(&reply), 413, "too-large");

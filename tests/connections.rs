@@ -79,7 +79,7 @@ fn eight_reconnect(manners: [Manner; 8]) {
     let wire = cell(Mode::Ascii, thesis(), &[1, 2, 3]);
     // The host takes clients from its backlog before it learns that others have gone, and counts both for a moment.
     let clients = format!("clients = {}", target().clients);
-    let gateway = &Rig::document(Mode::Ascii, 250, &wire, "").net(&clients).start();
+    let gateway = &Rig::document(Mode::Ascii, 250, &wire, "reply_timeout_ms = 3000").net(&clients).start();
     let time = target().reconnecting;
     let start = Instant::now();
     let visits: Vec<u32> = thread::scope(|scope| {

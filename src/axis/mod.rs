@@ -360,7 +360,7 @@ impl Axes {
                     log::error!("axis {name}: {}, still trying", Cause::StopUnconfirmed.name());
                 }
                 let pause = stop_pause(clock::now().since(begun), failed);
-                embassy_time::Timer::after_micros(pause.as_micros() as u64).await;
+                embassy_time::Timer::after_micros(puente_line::micros(pause)).await;
             }
         }
     }

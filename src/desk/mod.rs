@@ -74,7 +74,11 @@ impl fmt::Display for Reason {
             Reason::QueueFull => f.write_str("too many requests are waiting"),
             Reason::Expired => f.write_str("it waited too long for its turn on the bus"),
             Reason::Resting(left) => {
-                write!(f, "the slave did not answer lately and is tried again in {} ms", left.as_millis())
+                write!(
+                    f,
+                    "the slave did not answer lately and is tried again in {} ms",
+                    puente_line::millis(*left)
+                )
             }
             Reason::Stopped => f.write_str("a stop or the end of the lease came first"),
             Reason::LineDown => f.write_str("the port of the bus failed"),

@@ -63,7 +63,7 @@ impl Statistics {
         if reply.first().is_some_and(|function| function & 0x80 != 0) {
             self.exceptions += 1;
         }
-        self.latency_sum_us += latency.as_micros() as u64;
+        self.latency_sum_us += puente_line::micros(latency);
         let bucket = BUCKETS_MS.iter().position(|ms| latency <= Duration::from_millis(u64::from(*ms)));
         if let Some(count) = self.latency.get_mut(bucket.unwrap_or(BUCKETS_MS.len())) {
             *count += 1;

@@ -1,6 +1,6 @@
 //! The line dialects: each line is a Modbus ASCII frame or a console command, and gets one line back.
 
-use core::pin::pin;
+use core::pin::{Pin, pin};
 
 use embassy_futures::select::{Either, select};
 use embassy_time::with_timeout;
@@ -16,13 +16,17 @@ const LINE: usize = puente_modbus::ascii::MAX_ADU;
 /// One line back.
 pub(super) type Reply = String<560>;
 
-/// What a line asks for, after it was read: the line itself is not needed any more.
+/// How far the next line has come. Where it asks for something it has been read: the line itself is not needed any more.
 #[allow(clippy::large_enum_variant, reason = "there is no heap, and one lives at a time")]
-enum Task<'g> {
+enum Line<'g> {
+    /// A command that needs the drives.
     Console(console::Task),
+    /// A frame.
     Modbus(modbus_ascii::Task<'g>),
-    /// Nothing is left to do but to send the reply.
+    /// Nothing is left to do.
     Done,
+    /// It is still to arrive.
+    Awaited,
 }
 
 pub(super) async fn serve<R: Read, W: Write>(
@@ -33,88 +37,116 @@ pub(super) async fn serve<R: Read, W: Write>(
 ) -> End {
     // The rest of a line that was too long is dropped.
     let mut skipping = false;
-    let mut reply = Reply::new();
     loop {
-        reply.clear();
-        let mut line = take_line(gateway, guest, inbox, &mut skipping, &mut reply);
-        match &mut line {
-            Some(task) => {
-                if let Err(end) = carry_out(gateway, guest, inbox, task, &mut reply).await {
-                    return end;
-                }
-            }
-            None if inbox.ended() => return End::Closed,
-            None => match with_timeout(idle(gateway), inbox.fill()).await {
-                Ok(Ok(())) => continue,
-                Ok(Err(end)) => return end,
-                Err(_) => return End::Idle,
-            },
-        }
-        if !reply.is_empty()
-            && let Err(end) = send(writer, reply.as_bytes()).await
-        {
+        let mut line = next_line(gateway, guest, inbox, writer, &mut skipping).await;
+        let served = match &mut line {
+            Ok(Line::Console(task)) => command(gateway, guest, inbox, writer, *task).await,
+            Ok(Line::Modbus(task)) => frame(gateway, inbox, writer, task).await,
+            Ok(Line::Done) => Ok(()),
+            Ok(Line::Awaited) if inbox.ended() => Err(End::Closed),
+            Ok(Line::Awaited) => with_timeout(idle(gateway), inbox.fill()).await.unwrap_or(Err(End::Idle)),
+            Err(end) => Err(*end),
+        };
+        if let Err(end) = served {
             return end;
         }
     }
 }
 
+// Each of these has a reply of its own, so that no place for a client keeps room for a reply and for what a command waits
+// for at once.
+
+/// Takes the next line, and answers it where that needs no drive.
+async fn next_line<'g, R: Read, W: Write>(
+    gateway: &'g Gateway,
+    guest: Guest,
+    inbox: &mut Inbox<'_, R>,
+    writer: &mut W,
+    skipping: &mut bool,
+) -> Result<Line<'g>, End> {
+    let mut reply = Reply::new();
+    let line = take_line(gateway, guest, inbox, skipping, &mut reply);
+    answer(writer, &reply).await?;
+    Ok(line)
+}
+
+/// Serves a command that needs the drives.
+async fn command<R: Read, W: Write>(
+    gateway: &Gateway,
+    guest: Guest,
+    inbox: &mut Inbox<'_, R>,
+    writer: &mut W,
+    task: console::Task,
+) -> Result<(), End> {
+    let outcome = meanwhile(inbox, pin!(console::finish(gateway, guest, task))).await?;
+    let mut reply = Reply::new();
+    console::tell(gateway, &outcome, &mut reply);
+    answer(writer, &reply).await
+}
+
+/// Serves a Modbus ASCII frame.
+async fn frame<R: Read, W: Write>(
+    gateway: &Gateway,
+    inbox: &mut Inbox<'_, R>,
+    writer: &mut W,
+    task: &mut modbus_ascii::Task<'_>,
+) -> Result<(), End> {
+    let mut reply = Reply::new();
+    meanwhile(inbox, pin!(modbus_ascii::finish(gateway, task, &mut reply))).await?;
+    answer(writer, &reply).await
+}
+
+async fn answer<W: Write>(writer: &mut W, reply: &Reply) -> Result<(), End> {
+    if reply.is_empty() { Ok(()) } else { send(writer, reply.as_bytes()).await }
+}
+
 const TOO_LONG: &str = "error too-long a line has at most 513 characters; this one was dropped\r\n";
 
-/// Takes the first line that has arrived in whole; a last line needs no end. None where there is none.
+/// Takes the first line that has arrived in whole; a last line needs no end.
 fn take_line<'g, R: Read>(
     gateway: &'g Gateway,
     guest: Guest,
     inbox: &mut Inbox<'_, R>,
     skipping: &mut bool,
     reply: &mut Reply,
-) -> Option<Task<'g>> {
+) -> Line<'g> {
     let data = inbox.data();
     let end = data.iter().position(|byte| *byte == b'\n').map(|at| at + 1);
     let length = match end {
         Some(length) => length,
         None if inbox.ended() || inbox.full() => data.len(),
-        None => return None,
+        None => return Line::Awaited,
     };
     if length == 0 {
-        return None;
+        return Line::Awaited;
     }
     let line = data.get(..length).unwrap_or_default().trim_ascii();
     let task = if *skipping {
-        Task::Done
+        None
     } else if line.len() > LINE {
         let _ = reply.push_str(TOO_LONG);
-        Task::Done
+        None
     } else {
         let gone = inbox.ended();
         match line.first() {
-            None => Task::Done,
-            Some(b':') => Task::Modbus(modbus_ascii::begin(gateway, guest, gone, line, reply)),
-            Some(_) => Task::Console(console::begin(gateway, guest, gone, line, reply)),
+            None => None,
+            Some(b':') => modbus_ascii::begin(gateway, guest, gone, line, reply).map(Line::Modbus),
+            Some(_) => console::begin(gateway, guest, gone, line, reply).map(Line::Console),
         }
     };
     *skipping = end.is_none();
     inbox.consume(length);
-    Some(task)
+    task.unwrap_or(Line::Done)
 }
 
-/// Does what a line asks for. What arrives meanwhile is kept, and renews the client's leases.
-async fn carry_out<R: Read>(
-    gateway: &Gateway,
-    guest: Guest,
+/// Does some work. What arrives meanwhile is kept, and renews the client's leases.
+async fn meanwhile<R: Read, T>(
     inbox: &mut Inbox<'_, R>,
-    task: &mut Task<'_>,
-    reply: &mut Reply,
-) -> Result<(), End> {
-    let mut work = pin!(async {
-        match task {
-            Task::Console(task) => console::finish(gateway, guest, *task, reply).await,
-            Task::Modbus(task) => modbus_ascii::finish(gateway, task, reply).await,
-            Task::Done => {}
-        }
-    });
+    mut work: Pin<&mut impl Future<Output = T>>,
+) -> Result<T, End> {
     loop {
         match select(work.as_mut(), inbox.fill()).await {
-            Either::First(()) => return Ok(()),
+            Either::First(done) => return Ok(done),
             Either::Second(Ok(())) => {}
             Either::Second(Err(end)) => return Err(end),
         }

@@ -16,31 +16,29 @@ pub(super) struct Task<'g> {
 }
 
 /// Reads a frame and queues its request. What is no frame gets a line `error ...`, which a Modbus ASCII master passes
-/// over; what is refused gets an exception.
+/// over; what is refused gets an exception; then there is no task.
 pub(super) fn begin<'g>(
     gateway: &'g Gateway,
     guest: Guest,
     gone: bool,
     line: &[u8],
     reply: &mut Reply,
-) -> Task<'g> {
-    let mut task = Task { unit: 0, flights: Flights::new() };
-    match ascii::parse(line) {
-        Ok(frame) => {
-            task.unit = frame.unit;
-            let function = frame.pdu.first().copied().unwrap_or_default();
-            // One flight a bus fits: the vector is as long as there can be buses.
-            let take = |flight| task.flights.push(flight).is_ok();
-            if let Err(exception) = route(gateway, guest, gone, frame.unit, &frame.pdu, take) {
-                task.flights.clear();
-                push(reply, frame.unit, &exception.pdu(function));
-            }
-        }
+) -> Option<Task<'g>> {
+    let frame = match ascii::parse(line) {
+        Ok(frame) => frame,
         Err(error) => {
             let _ = write!(reply, "error {} {error}\r\n", code(error));
+            return None;
         }
+    };
+    let mut task = Task { unit: frame.unit, flights: Flights::new() };
+    // One flight a bus fits: the vector is as long as there can be buses.
+    let take = |flight| task.flights.push(flight).is_ok();
+    if let Err(exception) = route(gateway, guest, gone, frame.unit, &frame.pdu, take) {
+        push(reply, frame.unit, &exception.pdu(frame.pdu.first().copied().unwrap_or_default()));
+        return None;
     }
-    task
+    Some(task)
 }
 
 /// Waits for the reply, where one is due: a broadcast has none.

@@ -17,9 +17,11 @@ use super::store::{self, Store};
 use super::{Problem, Settings, json, record};
 use crate::clock;
 use crate::desk::Desk;
-use crate::port::limits::DOCUMENT;
+use crate::port::limits::{AXES, BUSES};
 use crate::port::{Flash, restart};
 
+/// Bytes of the largest settings document, written as compactly as it is read: what a client may send.
+pub const DOCUMENT: usize = 336 + BUSES * 448 + AXES * 288;
 /// How long a start with network settings on trial waits for somebody who can reach it.
 pub const TRIAL: Duration = Duration::from_secs(60);
 /// How long a restart waits until the answer that tells of it is out,
@@ -335,3 +337,6 @@ async fn come_to_rest(desk: &Desk) {
         log::error!("an axis may still move: its stop was not confirmed");
     }
 }
+
+#[cfg(test)]
+mod tests;

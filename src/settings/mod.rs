@@ -301,3 +301,6 @@ impl Settings {
         self.buses.iter().position(|bus| bus.name == name).map(|index| index as u8)
     }
 }
+
+#[cfg(test)]
+mod tests;

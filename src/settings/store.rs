@@ -177,13 +177,17 @@ impl<F: NorFlash> Store<F> {
         let bytes = buffer.get_mut(..length).ok_or(Error::TooLarge)?;
         record::stamp(bytes, serial);
         let page = self.write(bytes).await?;
-        // Flash that has grown old may take a record without complaint, and lose it.
-        if self.scan(page, buffer, u32::MAX).await.newest != Some(serial) {
-            self.room = false;
-            return Err(Error::Flash);
+        // Flash that has grown old may take a record without complaint, and lose it, or show one that was hidden.
+        match self.scan(page, buffer, u32::MAX).await.newest {
+            Some(newest) if newest == serial => {
+                (self.page, self.room, self.serial) = (Some(page), true, serial);
+                Ok(())
+            }
+            newest => {
+                (self.room, self.serial) = (false, self.serial.max(newest.unwrap_or_default()));
+                Err(Error::Flash)
+            }
         }
-        (self.page, self.room, self.serial) = (Some(page), true, serial);
-        Ok(())
     }
 
     /// Writes a record: to which page. In the other one nothing has changed.

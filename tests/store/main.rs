@@ -282,6 +282,26 @@ fn flash_of_one_value_counts_as_blank() {
     }
 }
 
+/// A regression: where a header reads as blank, what lies behind it is out of sight until something is written there, and
+/// the record that was written in its place was then not the newest.
+#[test]
+fn records_that_were_hidden_are_older_than_what_is_put_next() {
+    let mut nor = Nor::<4, 2048>::blank();
+    nor.rotten = true;
+    let mut buffer = [0; BUFFER];
+    for _ in 0..7 {
+        block_on(async {
+            let (mut store, _) = open(&mut nor, &mut buffer).await;
+            assert_eq!(store.put(&mut buffer, Some(&Settings::factory())).await, Ok(()));
+        });
+    }
+    for first in 4..256 {
+        let mut nor = nor.clone();
+        nor.bytes[first..first + 24].fill(0xFF);
+        goes_on(nor);
+    }
+}
+
 proptest! {
     #[test]
     fn garbage_counts_as_blank(bytes in proptest::collection::vec(any::<u8>(), 4096), marks in 0..16_u8) {

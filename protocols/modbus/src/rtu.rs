@@ -79,6 +79,5 @@ fn half_characters(line: Settings, halves: usize, fixed: Duration) -> Duration {
     if line.baud > 19_200 {
         return fixed;
     }
-    let micros = u64::try_from(line.wire_time(halves).as_micros()).unwrap_or(u64::MAX);
-    Duration::from_micros(micros.div_ceil(2))
+    Duration::from_micros(puente_line::micros(line.wire_time(halves)).div_ceil(2))
 }

@@ -4,7 +4,7 @@ use core::fmt;
 
 use heapless::Vec;
 use puente_drives::edb::{self, Parameter, Status};
-use puente_line::Instant;
+use puente_line::{Instant, millis};
 use puente_modbus::Counters;
 use serde::{Serialize, Serializer};
 
@@ -122,10 +122,6 @@ impl Lease {
     fn new((holder, left): (Holder, puente_line::Duration)) -> Self {
         Self { holder: Text(holder), left_ms: millis(left) }
     }
-}
-
-pub(super) fn millis(duration: puente_line::Duration) -> u64 {
-    u64::try_from(duration.as_millis()).unwrap_or(u64::MAX)
 }
 
 /// The commanded jog in r/min, where it is known.

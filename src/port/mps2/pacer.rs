@@ -30,7 +30,7 @@ pub(super) const LINE_B: Pacer =
 impl Pacer {
     /// Sets the time between two ticks.
     pub(super) fn set(&self, time: Duration) {
-        let counts = (time.as_micros() as u32).saturating_mul(COUNTS);
+        let counts = (puente_line::micros(time) as u32).saturating_mul(COUNTS);
         self.registers.write(self.period, counts.max(COUNTS));
     }
 

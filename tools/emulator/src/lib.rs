@@ -27,7 +27,7 @@ const SILENCE: Duration = Duration::from_secs(3);
 const ATTEMPTS: usize = 5;
 
 /// How the firmware's log says that it has an address.
-pub const ADDRESSED: &str = " network: ";
+pub const ADDRESSED: &str = "INFO ] network: ";
 
 /// Where the firmware looks whether the user button is held at start: 1 where it is.
 pub const BUTTON: u32 = 0x203F_F000;

@@ -239,6 +239,16 @@ function banner(id, text) {
   $(id).hidden = !text;
 }
 
+// Network settings that nobody confirms are taken back.
+function showTrial({ trial_left_s: left }) {
+  $("trial").hidden = left === null;
+  if (left !== null) $("trial-text").textContent = `New network settings, on trial: in ${left} s the gateway takes them back.`;
+}
+
+function keep() {
+  ask("api/config/confirm", { method: "POST" }).then(showTrial).catch((error) => banner("failed", error.message));
+}
+
 function link(mood, text) {
   $("link").className = `link ${mood}`;
   if ($("link").textContent !== text) $("link").textContent = text;
@@ -268,6 +278,7 @@ async function watch() {
       await read();
       if (round % 40 === 0) showSystem(await ask("api/system", { signal: polling.signal }));
       if (round % 4 === 0) showBuses(await ask("api/buses", { signal: polling.signal }));
+      if (round % 4 === 2) showTrial(await ask("api/config/state", { signal: polling.signal }));
       since = "";
       banner("lost", "");
       link("up", location.host);
@@ -294,4 +305,5 @@ addEventListener("blur", releaseAll);
 addEventListener("pagehide", releaseAll);
 document.addEventListener("visibilitychange", () => document.hidden && releaseAll());
 $("stop-all").addEventListener("click", stopAll);
+$("keep").addEventListener("click", keep);
 watch();
