@@ -3,7 +3,7 @@
 use embassy_futures::select::{Either3, select3};
 use embassy_time::Timer;
 use embedded_io_async::{Error, ErrorKind};
-use puente_line::Duration;
+use puente_line::{Duration, Instant};
 use puente_modbus::{Action, Config, Master};
 
 use super::{End, Haste, Next, Ticket, Work};
@@ -31,15 +31,16 @@ pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) 
                 if let Err(error) = send(line, frame).await {
                     master = Master::new(config);
                     let untouched = error.kind() == ErrorKind::NotConnected;
-                    finish(work, &mut current, if untouched { End::NotSent } else { End::LineDown });
+                    let end = if untouched { End::NotSent } else { End::LineDown };
+                    finish(work, clock::now(), &mut current, end);
                     Timer::after(RETRY).await;
                 }
                 continue;
             }
+            // The next job may follow at once.
             Action::Done(outcome) => {
-                finish(work, &mut current, End::Master(outcome));
+                finish(work, now, &mut current, End::Master(outcome));
                 work.counted(master.counters());
-                continue;
             }
             Action::Idle => {}
         }
@@ -96,9 +97,9 @@ async fn send<L: SerialLine>(line: &mut L, frame: &[u8]) -> Result<(), L::Error>
     line.flush().await
 }
 
-fn finish(work: &impl Work, current: &mut Option<Ticket>, end: End<'_>) {
+fn finish(work: &impl Work, now: Instant, current: &mut Option<Ticket>, end: End<'_>) {
     if let Some(ticket) = current.take() {
-        work.finish(clock::now(), ticket, end);
+        work.finish(now, ticket, end);
     }
 }
 
@@ -110,7 +111,6 @@ mod tests {
     use core::task::{Context, Waker};
 
     use embedded_io_async::{ErrorType, Read, Write};
-    use puente_line::Instant;
     use puente_modbus::{Counters, Echo, Mode};
 
     use super::super::Job;

@@ -61,6 +61,13 @@ pub struct Frame {
     pub pdu: Pdu,
 }
 
+impl Frame {
+    /// A place for a frame.
+    pub(crate) const fn empty() -> Self {
+        Self { unit: BROADCAST, pdu: Pdu::new() }
+    }
+}
+
 /// Why bytes are no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameError {

@@ -51,12 +51,13 @@ impl Decoder {
             stream.clear();
         }
         self.last = now;
+        let mut frame = Frame::empty();
         for &byte in bytes {
             match &mut self.framing {
                 Framing::Rtu(stream) => {
                     stream.push(byte);
-                    while let Some(frame) = stream.next(lengths) {
-                        keep(&mut self.results, Ok(frame));
+                    while stream.next(lengths, &mut frame) {
+                        keep(&mut self.results, Ok(frame.clone()));
                     }
                 }
                 Framing::Ascii(decoder) => {
@@ -89,8 +90,9 @@ impl Decoder {
             && now >= self.last + self.gap
         {
             stream.silence();
-            while let Some(frame) = stream.next(lengths) {
-                keep(&mut self.results, Ok(frame));
+            let mut frame = Frame::empty();
+            while stream.next(lengths, &mut frame) {
+                keep(&mut self.results, Ok(frame.clone()));
             }
             if let Some(error) = stream.damage() {
                 keep(&mut self.results, Err(error));

@@ -13,7 +13,10 @@
 
 use crate::length::Length;
 use crate::rtu::{self, MAX_ADU, OVERHEAD};
-use crate::{Frame, FrameError, Pdu};
+use crate::{Frame, FrameError};
+
+/// Bytes of the shortest frame.
+const SHORTEST: usize = OVERHEAD + 1;
 
 /// Bytes that may become frames.
 #[derive(Clone, Debug)]
@@ -101,21 +104,29 @@ impl Stream {
         self.garbage
     }
 
-    /// The next frame. `lengths` gives the PDU lengths that are possible for a frame which begins with these bytes.
-    pub fn next(&mut self, lengths: impl Fn(&[u8]) -> [Length; 2]) -> Option<Frame> {
+    /// Writes the next frame into `frame`; false where there is none. `lengths` gives the PDU lengths that are possible
+    /// for a frame which begins with these bytes.
+    pub fn next(&mut self, lengths: impl Fn(&[u8]) -> [Length; 2], frame: &mut Frame) -> bool {
         if self.bytes.len() < self.look_at {
-            return None;
+            return false;
         }
         let mut held = false;
+        let mut whole = MAX_ADU;
         let mut at = 0;
         while at < self.bytes.len() {
             match self.judge(at, &lengths) {
-                Verdict::Frame(length) => return self.take(at, length),
-                Verdict::Wait(length) if at >= self.settled => {
-                    self.look_at = at.saturating_add(length).min(MAX_ADU);
-                    return None;
+                Verdict::Frame(length) => {
+                    self.take(at, length, frame);
+                    return true;
                 }
-                Verdict::Wait(_) => held = true,
+                Verdict::Wait(length) => {
+                    whole = whole.min(at.saturating_add(length));
+                    if at >= self.settled {
+                        self.look_at = whole;
+                        return false;
+                    }
+                    held = true;
+                }
                 Verdict::No if !held => {
                     self.discard(1);
                     continue;
@@ -124,7 +135,7 @@ impl Stream {
             }
             at += 1;
         }
-        None
+        false
     }
 
     /// Whether a frame begins at `at`.
@@ -150,7 +161,8 @@ impl Stream {
                 Some(Err(error)) => damage = damage.or(Some(error)),
                 None => {
                     damage = damage.or(silent.then_some(FrameError::TooShort));
-                    verdict = verdict.or_wait(if length == Length::More { adu.len() + 1 } else { end });
+                    let more = SHORTEST.max(adu.len() + 1);
+                    verdict = verdict.or_wait(if length == Length::More { more } else { end });
                 }
             }
         }
@@ -161,17 +173,18 @@ impl Stream {
         verdict
     }
 
-    fn take(&mut self, at: usize, length: usize) -> Option<Frame> {
-        let adu = self.bytes.get(at..at + length)?;
-        let frame = match rtu::parse(adu) {
-            Ok((unit, pdu)) => Pdu::from_slice(pdu).ok().map(|pdu| Frame { unit, pdu }),
-            Err(_) => None,
-        };
+    /// Moves a frame that has been judged one into `frame`.
+    fn take(&mut self, at: usize, length: usize, frame: &mut Frame) {
+        if let Some([unit, pdu @ .., _, _]) = self.bytes.get(at..at + length) {
+            frame.unit = *unit;
+            frame.pdu.clear();
+            // A frame of at most MAX_ADU bytes has a PDU of at most MAX_PDU.
+            let _ = frame.pdu.extend_from_slice(pdu);
+        }
         self.discard(at + length);
         self.garbage = self.garbage.wrapping_sub(length as u32);
         self.damage = None;
         self.noise = false;
-        frame
     }
 
     /// Drops `count` bytes from the front.

@@ -396,6 +396,20 @@ fn a_server_reports_a_damaged_burst_once() {
     assert_eq!((decoder.poll(silent), decoder.poll_at()), (None, None));
 }
 
+/// The rest of a request that a pause has cut may itself look like the beginning of a longer one: nobody waits for that.
+#[test]
+fn the_rest_of_a_request_does_not_hold_it_back() {
+    let mut requests =
+        (0..=u16::MAX).map(|value| rtu::emit(1, &[6, 0, 0x25, (value >> 8) as u8, value as u8]));
+    let adu = requests.find(|adu| adu[6] == 6).expect("a CRC that begins with 6");
+    let mut decoder = Decoder::new(Mode::Rtu, line());
+    let later = Instant::from_millis(500);
+    decoder.receive(Instant::ZERO, &adu[..5]);
+    decoder.receive(later, &adu[5..]);
+    assert!(matches!(decoder.poll(later), Some(Err(FrameError::TooShort))));
+    assert!(matches!(decoder.poll(later), Some(Ok(_))));
+}
+
 #[test]
 fn half_a_request_is_not_completed_a_second_later() {
     let mut decoder = Decoder::new(Mode::Rtu, line());

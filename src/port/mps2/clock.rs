@@ -35,6 +35,8 @@ struct State {
     ticks: u64,
     /// What the counter had counted at `ticks`.
     counted: u32,
+    /// When the alarm goes off.
+    alarm: u64,
 }
 
 impl State {
@@ -50,11 +52,12 @@ impl State {
     fn expire(&mut self) {
         let now = self.now();
         let next = self.queue.next_expiration(now);
-        let wait = next.saturating_sub(now).clamp(1, LONGEST) as u32;
+        let wait = next.saturating_sub(now).clamp(1, LONGEST);
+        self.alarm = now + wait;
         TIMER0.write(CONTROL, 0);
         TIMER0.write(INTERRUPT_CLEAR, 1);
         TIMER0.write(RELOAD, 0);
-        TIMER0.write(VALUE, wait * COUNTS);
+        TIMER0.write(VALUE, wait as u32 * COUNTS);
         TIMER0.write(CONTROL, ALARM_SET);
     }
 }
@@ -69,7 +72,7 @@ impl Driver for Clock {
     fn schedule_wake(&self, at: u64, waker: &Waker) {
         self.0.lock(|state| {
             let mut state = state.borrow_mut();
-            if state.queue.schedule_wake(at, waker) {
+            if state.queue.schedule_wake(at, waker) && at < state.alarm {
                 state.expire();
             }
         });
@@ -80,6 +83,7 @@ embassy_time_driver::time_driver_impl!(static CLOCK: Clock = Clock(Mutex::new(Re
     queue: Queue::new(),
     ticks: 0,
     counted: 0,
+    alarm: 0,
 }))));
 
 /// Starts the clock.

@@ -97,7 +97,7 @@ impl Uart {
     pub(super) fn received(&self) {
         self.registers.write(INTERRUPT_CLEAR, 0b11);
         self.with(|buffers| {
-            self.take(buffers);
+            self.take(buffers, self.registers.read(STATE));
             self.tick_on(buffers);
         });
     }
@@ -106,11 +106,12 @@ impl Uart {
     pub(super) fn ticked(&self) {
         self.pacer.clear();
         self.with(|buffers| {
-            let received = self.take(buffers);
+            let state = self.registers.read(STATE);
+            let received = self.take(buffers, state);
             if !received && !buffers.incoming.is_empty() {
                 self.reader.wake();
             }
-            let sent = self.registers.read(STATE) & TRANSMIT_FULL == 0;
+            let sent = state & TRANSMIT_FULL == 0;
             if sent {
                 self.send(buffers);
             }
@@ -119,16 +120,16 @@ impl Uart {
                 self.pacer.stop();
                 self.registers.write(CONTROL, LISTENING);
                 // No interrupt tells of one that has come in just before.
-                if self.take(buffers) {
+                if self.take(buffers, self.registers.read(STATE)) {
                     self.tick_on(buffers);
                 }
             }
         });
     }
 
-    /// Takes a character, where there is one.
-    fn take(&self, buffers: &mut Buffers) -> bool {
-        let received = self.registers.read(STATE) & RECEIVE_FULL != 0;
+    /// Takes a character, where the UART's state says that there is one.
+    fn take(&self, buffers: &mut Buffers, state: u32) -> bool {
+        let received = state & RECEIVE_FULL != 0;
         if received {
             // Where there is no room it is lost, as characters are that nobody fetches.
             let _ = buffers.incoming.push_back(self.registers.read(DATA) as u8);

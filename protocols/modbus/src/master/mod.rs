@@ -155,12 +155,13 @@ impl Master {
         self.elapse(now);
         self.hear(now);
         self.lacking = self.lacking.saturating_sub(bytes.len());
+        let mut frame = Frame::empty();
         for &byte in bytes {
             if self.echo_left > 0 && self.take_echo(byte) {
                 continue;
             }
-            if let Some(heard) = self.receiver.push(now, byte, &self.request) {
-                self.take_frames(now, Some(heard));
+            if let Some(heard) = self.receiver.push(now, byte, &self.request, &mut frame) {
+                self.take_frames(now, Some(heard), &mut frame);
             }
         }
     }
@@ -288,8 +289,9 @@ impl Master {
 
     fn silence(&mut self, now: Instant) {
         self.receiver.silence();
-        let heard = self.receiver.next(&self.request);
-        self.take_frames(now, heard);
+        let mut frame = Frame::empty();
+        let heard = self.receiver.next(&self.request, &mut frame);
+        self.take_frames(now, heard, &mut frame);
         if let Some(error) = self.receiver.damage() {
             self.take_damage(error);
         }
@@ -339,13 +341,14 @@ impl Master {
         }
     }
 
-    fn take_frames(&mut self, now: Instant, mut heard: Option<Result<Frame, FrameError>>) {
+    /// Takes what has been heard, in `frame` where it is one, and what the receiver has beside it.
+    fn take_frames(&mut self, now: Instant, mut heard: Option<Result<(), FrameError>>, frame: &mut Frame) {
         while let Some(result) = heard {
             match result {
-                Ok(frame) => self.take_frame(now, &frame),
+                Ok(()) => self.take_frame(now, frame),
                 Err(error) => self.take_damage(error),
             }
-            heard = self.receiver.next(&self.request);
+            heard = self.receiver.next(&self.request, frame);
         }
     }
 

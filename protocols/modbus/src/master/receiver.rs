@@ -37,12 +37,18 @@ impl Receiver {
         }
     }
 
-    /// Takes a byte; gives a frame, or why characters were none. [`Receiver::next`] may have more.
-    pub fn push(&mut self, now: Instant, byte: u8, request: &Outgoing) -> Option<Result<Frame, FrameError>> {
+    /// Takes a byte; says when `frame` is written, or why characters were none. [`Receiver::next`] may have more.
+    pub fn push(
+        &mut self,
+        now: Instant,
+        byte: u8,
+        request: &Outgoing,
+        frame: &mut Frame,
+    ) -> Option<Result<(), FrameError>> {
         match self {
             Self::Rtu(stream) => {
                 stream.push(byte);
-                self.next(request)
+                self.next(request, frame)
             }
             Self::Ascii { decoder, tail, garbage } => {
                 let length = decoder.pending() as u32 + 1;
@@ -59,10 +65,10 @@ impl Receiver {
                     Ok(_) => Tail::Clean,
                     Err(_) => Tail::Told,
                 };
-                if result.is_ok() {
+                Some(result.map(|whole| {
                     *garbage = garbage.wrapping_sub(length);
-                }
-                Some(result)
+                    *frame = whole;
+                }))
             }
         }
     }
@@ -91,10 +97,10 @@ impl Receiver {
         }
     }
 
-    /// The next frame of those that the last byte or silence has made certain.
-    pub fn next(&mut self, request: &Outgoing) -> Option<Result<Frame, FrameError>> {
+    /// Writes the next frame of those that the last byte or silence has made certain.
+    pub fn next(&mut self, request: &Outgoing, frame: &mut Frame) -> Option<Result<(), FrameError>> {
         match self {
-            Self::Rtu(stream) => stream.next(|adu| lengths(request, adu)).map(Ok),
+            Self::Rtu(stream) => stream.next(|adu| lengths(request, adu), frame).then_some(Ok(())),
             Self::Ascii { .. } => None,
         }
     }
