@@ -2,7 +2,7 @@
 //! atomic, and the newest record that is whole is all there is to know.
 //!
 //! Documents are compact (postcard), not text: two of the largest fit the buffer that one of them needs as JSON. The
-//! price is that a document has no keys: any change of the types in [`Settings`](super::Settings) is a new [`FORMAT`],
+//! price is that a document has no keys: any change of the types in [`Settings`] is a new `FORMAT`,
 //! with a reader for each old one that is to stay readable. A record of another format is refused as a whole.
 
 use serde::de::DeserializeSeed;
