@@ -19,6 +19,11 @@ use transactions::{ALL, Connection, Transaction};
 const TABLE: Table = Table { file: "docs/cost.md", name: "cost" };
 /// By so many percent a transaction may cost more than the table says.
 const ALLOWED: u64 = 3;
+/// A reading of one register may cost at most so many tenths of the plain echo.
+const ECHOES: u64 = 25;
+const READING: &str = "Modbus/TCP FC3 x 1";
+/// How often what costs too much is measured again: whatever disturbs only adds to it.
+const SECOND_LOOKS: usize = 3;
 /// What the first bytes of a connection cost is not counted.
 const WARM_UP: u32 = 3;
 /// Until the last acknowledgement is through.
@@ -54,21 +59,29 @@ pub fn run(arguments: &[String]) -> Outcome {
     let mut table =
         format!("{made_with}\n| transaction | instructions | spread | echoes |\n|---|---|---|---|\n");
     let mut more = Vec::new();
-    let mut echo = None;
+    let (mut echo, mut reading) = (None, None);
     println!("{:<44}{:>9}  {:<17}{:>6}{:>9}", "transaction", "counts", "spread", "echoes", "before");
     for transaction in ALL {
-        let Cost { quartile, least, most } = measure(&rig, transaction)?;
+        let before = row(&printed, transaction.name).and_then(|cells| value(cells.first()?));
+        let Cost { quartile, least, most } = look(&rig, transaction, before)?;
+        if transaction.name == READING {
+            reading = Some(quartile);
+        }
         let echoes = quartile as f64 / *echo.get_or_insert(quartile) as f64;
         let spread = format!("{} to {}", figure(least), figure(most));
-        let before = row(&printed, transaction.name).and_then(|cells| value(cells.first()?));
         let shown = before.map_or("-".to_owned(), figure);
         println!("{:<44}{:>9}  {spread:<17}{echoes:>6.2}{shown:>9}", transaction.name, figure(quartile));
         table += &format!("| {} | {} | {spread} | {echoes:.2} |\n", transaction.name, figure(quartile));
         match before {
-            Some(before) if quartile * 100 <= before * (100 + ALLOWED) => {}
+            Some(before) if !is_more(quartile, before) => {}
             Some(before) => more.push(format!("{}: {quartile} instructions, not {before}", transaction.name)),
             None => more.push(format!("{}: not in the table", transaction.name)),
         }
+    }
+    if let (Some(echo), Some(reading)) = (echo, reading)
+        && reading * 10 > echo * ECHOES
+    {
+        return Err(format!("{READING} costs {reading} instructions, the echo {echo}: more than 2.5 times"));
     }
     if write {
         return TABLE.write(&table);
@@ -82,6 +95,26 @@ pub fn run(arguments: &[String]) -> Outcome {
     }
     println!("{more}\n(not judged: {} was made with another compiler or emulator)", TABLE.file);
     Ok(())
+}
+
+/// Whether it costs more than before.
+fn is_more(now: u64, before: u64) -> bool {
+    now * 100 > before * (100 + ALLOWED)
+}
+
+/// Measures a transaction, and again where it costs more than before.
+fn look(rig: &Rig, transaction: &Transaction, before: Option<u64>) -> Result<Cost, String> {
+    let mut cost = measure(rig, transaction)?;
+    for _ in 0..SECOND_LOOKS {
+        if !before.is_some_and(|before| is_more(cost.quartile, before)) {
+            break;
+        }
+        let again = measure(rig, transaction)?;
+        if again.quartile < cost.quartile {
+            cost = again;
+        }
+    }
+    Ok(cost)
 }
 
 /// What some batches cost on one open connection, without what the firmware does by itself in the same time.
