@@ -1,0 +1,374 @@
+//! CSMA/CD: who talks on a line that nobody owns.
+//!
+//! A station listens before it talks (carrier sense), leaves a gap, and compares what it hears of itself with what it says.
+//! Where the two differ, another talks too (collision): it stops, sends a jam so that every station notices, waits for a
+//! random time (back-off) and tries again. After [`Config::attempts`] collisions in a row it gives the frame up.
+//!
+//! A gap must be longer than any pause inside a frame. A slot must be longer than a collision lasts, from the first bit of
+//! the first station to the last of the jam: up to two characters until the first wrong one is heard, one that is under way
+//! then, four of jam, and the turn-around of the transceivers. Then stations that have drawn different slots do not meet.
+
+use core::fmt;
+use core::time::Duration;
+
+use puente_line::{Instant, Settings};
+
+use crate::Random;
+use crate::frame::MAX_FRAME;
+
+/// What follows a collision: the thesis' four bytes.
+pub const JAM: [u8; 4] = [0xAA; 4];
+
+/// How a station behaves on the line; all on a line alike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Config {
+    /// Baud rate and format.
+    pub line: Settings,
+    /// Silence before a frame, the inter-packet gap.
+    pub gap: Duration,
+    /// Unit of the back-off.
+    pub slot: Duration,
+    /// Collisions in a row after which a frame is given up, at least 1.
+    pub attempts: u8,
+    /// How the back-off grows.
+    pub policy: Policy,
+}
+
+impl Config {
+    /// For a line: a gap of 2 characters, a slot of 8, 16 attempts, [`Policy::Truncated`].
+    pub fn new(line: Settings) -> Self {
+        Self {
+            line,
+            gap: line.wire_time(2),
+            slot: line.wire_time(8),
+            attempts: 16,
+            policy: Policy::Truncated,
+        }
+    }
+
+    /// No frame is longer, and what collides with it ends with it: a line that has been in use for so long without a gap
+    /// is held by something that is no station.
+    pub fn patience(&self) -> Duration {
+        self.line.wire_time(2 * MAX_FRAME)
+    }
+}
+
+/// How long a station waits after its n-th collision in a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Policy {
+    /// Truncated binary exponential back-off, as in IEEE 802.3: r slots, r uniform below 2^min(n, 10).
+    Truncated,
+    /// CW x random x gap, where the contention window CW is 1 at first, doubles with each collision without a limit, and
+    /// random is uniform from 0 to 1. The thesis' code has (CW - 1) x rand() x IPG, never sets CW back and has its first
+    /// value in a file that is not printed; its comment has CW x rand() x slot. Here CW begins anew with each frame.
+    Thesis,
+}
+
+impl Policy {
+    fn backoff(self, collisions: u8, config: &Config, random: &mut Random) -> Duration {
+        match self {
+            Self::Truncated => config.slot.saturating_mul(random.bits(u32::from(collisions).min(10))),
+            Self::Thesis => {
+                let window = 1_u128 << u32::from(collisions).min(64);
+                let gaps = window * u128::from(random.next());
+                let micros = config.gap.as_micros().saturating_mul(gaps) >> 32;
+                Duration::from_micros(u64::try_from(micros).unwrap_or(u64::MAX))
+            }
+        }
+    }
+}
+
+/// The last frame is still in work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Busy;
+
+impl fmt::Display for Busy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the station has a frame in work")
+    }
+}
+
+impl core::error::Error for Busy {}
+
+/// Why a frame did not get onto the line. The station can be used as before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Failure {
+    /// Every attempt collided.
+    Collisions {
+        /// So many.
+        attempts: u8,
+    },
+    /// The line has been in use without a gap for [`Config::patience`].
+    LineHeld,
+    /// The station does not hear itself. One that cannot listen must not talk, so it does not try again.
+    NoEcho,
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Collisions { attempts } => write!(f, "{attempts} attempts in a row collided"),
+            Self::LineHeld => f.write_str("something holds the line without a gap"),
+            Self::NoEcho => f.write_str("the station does not hear itself; is its receiver on while it sends?"),
+        }
+    }
+}
+
+impl core::error::Error for Failure {}
+
+/// What the caller has to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Action<'a> {
+    /// Send these bytes, now and without a pause, and keep listening.
+    Transmit(&'a [u8]),
+    /// Stop sending, with the character that is under way, and send this instead.
+    Jam(&'static [u8]),
+    /// The frame is done.
+    Done(Result<(), Failure>),
+    /// Nothing until something is heard, or the time of [`Arbiter::poll_at`].
+    Idle,
+}
+
+/// Events since start-up, each modulo 2^32.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Statistics {
+    /// Frames that got onto the line whole.
+    pub frames: u32,
+    /// Times that a frame was begun.
+    pub attempts: u32,
+    /// Attempts that collided, or met noise, which looks alike.
+    pub collisions: u32,
+    /// Frames that found the line in use when they came.
+    pub deferrals: u32,
+    /// All back-offs together.
+    pub backoff: Duration,
+    /// Frames given up.
+    pub losses: u32,
+}
+
+/// When a station talks.
+///
+/// `N` is the longest frame, at most [`MAX_FRAME`].
+#[derive(Clone, Debug)]
+pub struct Arbiter<const N: usize> {
+    config: Config,
+    random: Random,
+    frame: heapless::Vec<u8, N>,
+    state: State,
+    /// Since when, or from when on, the line is silent.
+    quiet_from: Instant,
+    /// Since when it has not been, without a gap.
+    busy_from: Instant,
+    statistics: Statistics,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum State {
+    /// No frame.
+    Idle,
+    /// The line must have been silent for a gap, and the back-off must be over.
+    Waiting { collisions: u8, backoff: Backoff },
+    /// So many bytes have been heard; all must have been by `deadline`.
+    Transmitting { collisions: u8, echoed: usize, deadline: Instant },
+    /// What was heard differs; the jam is due.
+    Collided { collisions: u8 },
+    /// The jam is on the line.
+    Jamming { collisions: u8, until: Instant },
+    /// The outcome has not been fetched.
+    Finished(Result<(), Failure>),
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Backoff {
+    /// Begins with the end of the next gap, which all stations hear at the same time.
+    For(Duration),
+    /// Has begun. It goes on whether or not the line is in use.
+    Until(Instant),
+}
+
+impl<const N: usize> Arbiter<N> {
+    /// A station of a line. Its seed must be another than that of any other station.
+    pub const fn new(config: Config, seed: u64) -> Self {
+        Self {
+            config,
+            random: Random::new(seed),
+            frame: heapless::Vec::new(),
+            state: State::Idle,
+            quiet_from: Instant::ZERO,
+            busy_from: Instant::ZERO,
+            statistics: Statistics {
+                frames: 0,
+                attempts: 0,
+                collisions: 0,
+                deferrals: 0,
+                backoff: Duration::ZERO,
+                losses: 0,
+            },
+        }
+    }
+
+    /// Takes a frame, which `write` puts into the buffer; nothing happens where that fails.
+    ///
+    /// # Errors
+    /// `None` until the outcome of the last frame has been fetched, what `write` says after that.
+    pub fn submit<E>(
+        &mut self,
+        now: Instant,
+        write: impl FnOnce(&mut heapless::Vec<u8, N>) -> Result<(), E>,
+    ) -> Result<(), Option<E>> {
+        let State::Idle = self.state else {
+            return Err(None);
+        };
+        write(&mut self.frame).map_err(Some)?;
+        if now < self.quiet_from + self.config.gap {
+            count(&mut self.statistics.deferrals);
+        }
+        self.state = State::Waiting { collisions: 0, backoff: Backoff::Until(now) };
+        if now < self.quiet_from + self.config.gap {
+            self.give_up_a_held_line();
+        }
+        Ok(())
+    }
+
+    /// Whether a frame is in work.
+    pub const fn is_busy(&self) -> bool {
+        !matches!(self.state, State::Idle)
+    }
+
+    /// Whether its outcome waits to be fetched.
+    pub const fn is_finished(&self) -> bool {
+        matches!(self.state, State::Finished(_))
+    }
+
+    /// Takes a byte that the line said, the echo of what is sent too, at its end.
+    pub fn receive(&mut self, now: Instant, byte: u8) {
+        self.hear(now, now);
+        if let State::Transmitting { collisions, echoed, deadline } = self.state {
+            let echoed = if self.frame.get(echoed) == Some(&byte) { Some(echoed + 1) } else { None };
+            self.state = match echoed {
+                Some(echoed) if echoed == self.frame.len() => {
+                    count(&mut self.statistics.frames);
+                    State::Finished(Ok(()))
+                }
+                Some(echoed) => State::Transmitting { collisions, echoed, deadline },
+                None => State::Collided { collisions },
+            };
+        }
+    }
+
+    /// The line reported a parity, framing or overrun error.
+    pub fn line_error(&mut self, now: Instant) {
+        self.hear(now, now);
+        if let State::Transmitting { collisions, .. } = self.state {
+            self.state = State::Collided { collisions };
+        }
+    }
+
+    /// A character is arriving. A port that can tell says so before [`Arbiter::poll`]; that saves the collisions with
+    /// characters that have begun but not ended.
+    pub fn carrier(&mut self, now: Instant) {
+        self.hear(now, now + self.config.line.wire_time(1));
+    }
+
+    /// What to do now.
+    pub fn poll(&mut self, now: Instant) -> Action<'_> {
+        match self.state {
+            State::Waiting { collisions, backoff } => {
+                let gap_ends = self.quiet_from + self.config.gap;
+                let until = match backoff {
+                    Backoff::For(time) if now >= gap_ends => gap_ends + time,
+                    Backoff::For(_) => return Action::Idle,
+                    Backoff::Until(until) => until,
+                };
+                if now >= until.max(gap_ends) {
+                    return self.transmit(now, collisions);
+                }
+                self.state = State::Waiting { collisions, backoff: Backoff::Until(until) };
+            }
+            State::Transmitting { collisions, echoed, deadline } if now >= deadline => {
+                if echoed == 0 {
+                    self.lose(Failure::NoEcho);
+                } else {
+                    // The end was not heard, but it is over: nothing is left to be jammed.
+                    self.back_off(collisions);
+                }
+            }
+            State::Collided { collisions } => {
+                let until = now + self.config.line.wire_time(1 + JAM.len());
+                self.state = State::Jamming { collisions, until };
+                return Action::Jam(&JAM);
+            }
+            State::Jamming { collisions, until } if now >= until => self.back_off(collisions),
+            State::Finished(outcome) => {
+                self.state = State::Idle;
+                return Action::Done(outcome);
+            }
+            _ => {}
+        }
+        Action::Idle
+    }
+
+    /// When to poll again, besides after `submit` and `receive`.
+    pub fn poll_at(&self) -> Option<Instant> {
+        let gap_ends = self.quiet_from + self.config.gap;
+        match self.state {
+            State::Idle => None,
+            State::Waiting { backoff: Backoff::For(_), .. } => Some(gap_ends),
+            State::Waiting { backoff: Backoff::Until(until), .. } => Some(until.max(gap_ends)),
+            State::Transmitting { deadline, .. } => Some(deadline),
+            State::Jamming { until, .. } => Some(until),
+            State::Collided { .. } | State::Finished(_) => Some(Instant::ZERO),
+        }
+    }
+
+    /// What has happened since start-up.
+    pub const fn statistics(&self) -> Statistics {
+        self.statistics
+    }
+
+    /// The line is in use now, and until `until`.
+    fn hear(&mut self, now: Instant, until: Instant) {
+        if now >= self.quiet_from + self.config.gap {
+            self.busy_from = now;
+        }
+        self.quiet_from = until;
+        self.give_up_a_held_line();
+    }
+
+    fn give_up_a_held_line(&mut self) {
+        let held = self.quiet_from.since(self.busy_from) > self.config.patience();
+        if held && matches!(self.state, State::Waiting { .. }) {
+            self.lose(Failure::LineHeld);
+        }
+    }
+
+    fn transmit(&mut self, now: Instant, collisions: u8) -> Action<'_> {
+        count(&mut self.statistics.attempts);
+        // A slot more, for what is between us and the line.
+        let deadline = now + self.config.line.wire_time(self.frame.len()) + self.config.slot;
+        self.state = State::Transmitting { collisions, echoed: 0, deadline };
+        Action::Transmit(&self.frame)
+    }
+
+    /// The attempt is over; another one follows, or not.
+    fn back_off(&mut self, collisions: u8) {
+        count(&mut self.statistics.collisions);
+        let collisions = collisions.saturating_add(1);
+        if collisions >= self.config.attempts {
+            self.lose(Failure::Collisions { attempts: collisions });
+        } else {
+            let backoff = self.config.policy.backoff(collisions, &self.config, &mut self.random);
+            self.statistics.backoff = self.statistics.backoff.saturating_add(backoff);
+            self.state = State::Waiting { collisions, backoff: Backoff::For(backoff) };
+        }
+    }
+
+    fn lose(&mut self, failure: Failure) {
+        count(&mut self.statistics.losses);
+        self.state = State::Finished(Err(failure));
+    }
+}
+
+fn count(counter: &mut u32) {
+    *counter = counter.wrapping_add(1);
+}
