@@ -109,7 +109,9 @@ impl fmt::Display for Failure {
         match self {
             Self::Collisions { attempts } => write!(f, "{attempts} attempts in a row collided"),
             Self::LineHeld => f.write_str("something holds the line without a gap"),
-            Self::NoEcho => f.write_str("the station does not hear itself; is its receiver on while it sends?"),
+            Self::NoEcho => {
+                f.write_str("the station does not hear itself; is its receiver on while it sends?")
+            }
         }
     }
 }
@@ -187,15 +189,15 @@ enum Backoff {
 }
 
 impl<const N: usize> Arbiter<N> {
-    /// A station of a line. Its seed must be another than that of any other station.
-    pub const fn new(config: Config, seed: u64) -> Self {
+    /// A station of a line, on which something may be under way. Its seed must be another than that of any other station.
+    pub const fn new(config: Config, now: Instant, seed: u64) -> Self {
         Self {
             config,
             random: Random::new(seed),
             frame: heapless::Vec::new(),
             state: State::Idle,
-            quiet_from: Instant::ZERO,
-            busy_from: Instant::ZERO,
+            quiet_from: now,
+            busy_from: now,
             statistics: Statistics {
                 frames: 0,
                 attempts: 0,

@@ -64,7 +64,11 @@ impl core::error::Error for NoRoom {}
 ///
 /// # Errors
 /// `NoRoom`, with `packet` as it was.
-pub fn push<const N: usize>(packet: &mut heapless::Vec<u8, N>, address: u8, data: &[u8]) -> Result<(), NoRoom> {
+pub fn push<const N: usize>(
+    packet: &mut heapless::Vec<u8, N>,
+    address: u8,
+    data: &[u8],
+) -> Result<(), NoRoom> {
     let length = u8::try_from(data.len()).map_err(|_| NoRoom)?;
     if packet.capacity() - packet.len() < data.len() + OVERHEAD {
         return Err(NoRoom);

@@ -7,8 +7,8 @@ use puente_line::{Instant, Settings};
 
 use crate::arbiter::{self, Arbiter, Busy, Failure, Statistics};
 use crate::frame::{self, EmitError, Frame, Kind};
-use crate::window::{self, Outcome, Receiver, Refused, Sender, Ticket};
 use crate::section::{self, Sections};
+use crate::window::{self, Outcome, Receiver, Refused, Sender, Ticket};
 use crate::{Class, Decoder, Random, Reason, Session};
 
 /// How a station works.
@@ -111,10 +111,10 @@ enum Sending {
 }
 
 impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
-    /// A station. Its seed must be another than that of any other station, and another at each start.
-    pub fn new(config: Config, seed: u64) -> Self {
+    /// A station that starts now. Its seed must be another than that of any other station, and another at each start.
+    pub fn new(config: Config, now: Instant, seed: u64) -> Self {
         let mut random = Random::new(seed);
-        let arbiter = Arbiter::new(config.arbiter, draw(&mut random));
+        let arbiter = Arbiter::new(config.arbiter, now, draw(&mut random));
         Self {
             config,
             random,
@@ -125,7 +125,7 @@ impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
             post: Vec::new(),
             sending: Sending::Nothing,
             refusal: None,
-            last_heard: Instant::ZERO,
+            last_heard: now,
         }
     }
 

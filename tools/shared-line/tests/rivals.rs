@@ -25,7 +25,8 @@ fn all_arrived(line: &Line<Node>) -> u64 {
     for sender in line.nodes().map(|node| &node.application) {
         for (to, submitted) in &sender.submitted {
             let receiver = line.nodes().map(|node| &node.application).find(|node| node.address == *to);
-            let last = receiver.and_then(|node| node.received.get(&sender.address)).and_then(|all| all.last());
+            let last =
+                receiver.and_then(|node| node.received.get(&sender.address)).and_then(|all| all.last());
             assert_eq!(last.map_or(0, |last| last + 1), *submitted, "{} to {to}", sender.address);
             count += u64::from(*submitted);
         }

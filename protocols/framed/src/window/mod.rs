@@ -60,15 +60,15 @@ pub struct Config {
 }
 
 impl Config {
-    /// For a line and frames of at most `longest` bytes: windows of 8, 10 repetitions, timeouts of 32, 4 and 1024 such
+    /// For a line and frames of at most `longest` bytes: windows of 8, 10 repetitions, timeouts of 16, 4 and 128 such
     /// frames, acknowledgements after one.
     pub fn new(line: Settings, longest: usize) -> Self {
         Self {
             window: MAX_WINDOW as u8,
             retries: 10,
-            first_timeout: line.wire_time(32 * longest),
+            first_timeout: line.wire_time(16 * longest),
             min_timeout: line.wire_time(4 * longest),
-            max_timeout: line.wire_time(1024 * longest),
+            max_timeout: line.wire_time(128 * longest),
             acknowledge_after: line.wire_time(longest),
         }
     }

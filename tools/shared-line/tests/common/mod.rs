@@ -152,7 +152,7 @@ pub fn line(noise: f64, seed: u64) -> Line<Node> {
 }
 
 pub fn join(line: &mut Line<Node>, talker: Talker, config: Config, seed: u64) -> usize {
-    let station = Station::new(config, seed);
+    let station = Station::new(config, line.now(), seed);
     let place =
         Place { position: Duration::from_nanos(70 * u64::from(config.address)), ..Place::new(fast()) };
     line.join(Framed { application: talker, station }, place)

@@ -4,6 +4,7 @@
 //! to stdout: `cargo xtask bench modbus > docs/bench.md`.
 
 mod client;
+mod csma;
 mod machine;
 mod modbus;
 mod programs;
@@ -14,7 +15,8 @@ use crate::Outcome;
 pub fn run(arguments: &[String]) -> Outcome {
     match arguments {
         [what] if what == "modbus" => modbus::run(),
-        [] => Err("say what to measure: modbus".into()),
-        [word, ..] => Err(format!("unknown: {word}; there is: modbus")),
+        [what] if what == "csma" => csma::run(),
+        [] => Err("say what to measure: modbus, csma".into()),
+        [word, ..] => Err(format!("unknown: {word}; there are: modbus, csma")),
     }
 }
