@@ -28,6 +28,10 @@ pub struct Config {
     pub gap: Duration,
     /// Unit of the back-off.
     pub slot: Duration,
+    /// What a station adds to the gap after a frame of its own. IEEE 802.3 has no such thing, and there a station that has
+    /// just sent meets all that waited for it without a back-off, wins again and again, and starves them. With a slot,
+    /// those that wait come first, and so does the answer to the frame.
+    pub rest: Duration,
     /// Collisions in a row after which a frame is given up, at least 1.
     pub attempts: u8,
     /// How the back-off grows.
@@ -35,12 +39,13 @@ pub struct Config {
 }
 
 impl Config {
-    /// For a line: a gap of 2 characters, a slot of 8, 16 attempts, [`Policy::Truncated`].
+    /// For a line: a gap of 2 characters, a slot of 8, a slot of rest, 16 attempts, [`Policy::Truncated`].
     pub fn new(line: Settings) -> Self {
         Self {
             line,
             gap: line.wire_time(2),
             slot: line.wire_time(8),
+            rest: line.wire_time(8),
             attempts: 16,
             policy: Policy::Truncated,
         }
@@ -161,6 +166,8 @@ pub struct Arbiter<const N: usize> {
     quiet_from: Instant,
     /// Since when it has not been, without a gap.
     busy_from: Instant,
+    /// When the rest after the last frame of our own is over.
+    rested_at: Instant,
     statistics: Statistics,
 }
 
@@ -198,6 +205,7 @@ impl<const N: usize> Arbiter<N> {
             state: State::Idle,
             quiet_from: now,
             busy_from: now,
+            rested_at: now,
             statistics: Statistics {
                 frames: 0,
                 attempts: 0,
@@ -225,7 +233,7 @@ impl<const N: usize> Arbiter<N> {
         if now < self.quiet_from + self.config.gap {
             count(&mut self.statistics.deferrals);
         }
-        self.state = State::Waiting { collisions: 0, backoff: Backoff::Until(now) };
+        self.state = State::Waiting { collisions: 0, backoff: Backoff::Until(now.max(self.rested_at)) };
         if now < self.quiet_from + self.config.gap {
             self.give_up_a_held_line();
         }
@@ -250,6 +258,7 @@ impl<const N: usize> Arbiter<N> {
             self.state = match echoed {
                 Some(echoed) if echoed == self.frame.len() => {
                     count(&mut self.statistics.frames);
+                    self.rested_at = now + self.config.gap + self.config.rest;
                     State::Finished(Ok(()))
                 }
                 Some(echoed) => State::Transmitting { collisions, echoed, deadline },

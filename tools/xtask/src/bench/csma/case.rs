@@ -37,11 +37,9 @@ pub struct Figures {
     /// The same over [`SHORT`] frames a station, on average.
     pub short_fairness: f64,
     pub collisions_per_frame: f64,
-    pub backoff_per_frame: Duration,
     /// Frames given up, and those that met a full queue, of all that came.
     pub failed: f64,
     pub rejected: f64,
-    pub frames: u64,
 }
 
 /// Bits of a frame on the line.
@@ -93,7 +91,6 @@ fn counts(line: &Line<Station>) -> Vec<Counts> {
                 failed: talker.seen.failed,
                 rejected: talker.seen.rejected,
                 collisions: talker.statistics().collisions.into(),
-                backoff: talker.statistics().backoff,
             },
             Station::Listener { heard, .. } => Counts { frames: *heard, ..Counts::default() },
         })
@@ -106,7 +103,6 @@ struct Counts {
     failed: u64,
     rejected: u64,
     collisions: u64,
-    backoff: Duration,
 }
 
 /// From one moment to another, each station and the listener.
@@ -117,7 +113,6 @@ fn between(before: &[Counts], after: &[Counts]) -> Vec<Counts> {
         failed: after.failed - before.failed,
         rejected: after.rejected - before.rejected,
         collisions: after.collisions - before.collisions,
-        backoff: after.backoff.saturating_sub(before.backoff),
     })
     .collect()
 }
@@ -139,7 +134,6 @@ fn figures(
     if frames.abs_diff(listener.frames) > 2 {
         return Err(format!("{frames} frames were sent, {} were understood", listener.frames));
     }
-    let backoff: Duration = each.iter().map(|counts| counts.backoff).sum();
     let (failed, rejected) = (sum(|counts| counts.failed), sum(|counts| counts.rejected));
     let came = (frames + failed + rejected) as f64;
     let mut delays: Vec<Duration> = Vec::new();
@@ -156,10 +150,8 @@ fn figures(
         fairness: jain(each),
         short_fairness: short_fairness(seen),
         collisions_per_frame: sum(|counts| counts.collisions) as f64 / frames.max(1) as f64,
-        backoff_per_frame: backoff / u32::try_from(frames.max(1)).unwrap_or(u32::MAX),
         failed: failed as f64 / came,
         rejected: rejected as f64 / came,
-        frames,
     })
 }
 

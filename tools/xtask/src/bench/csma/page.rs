@@ -29,15 +29,16 @@ pub fn page(saturated: &[Table; 2], loaded: &Table) -> String {
          gaps are not. *M-B* is the value of Metcalfe and Boggs for the same slot T and frame of P bits,\n\
          E = P / (P + W T), W = (1 - A) / A, A = (1 - 1/Q)^(Q-1): the form that goes to 1/(1 + 3.44 a) for many stations,\n\
          with T for the round trip 2 tau. It knows no gaps. At least {LEAST} % are asked for.\n\n\
-         Values above 100 % are no error: M-B gives every station the same chance in every slot. Here a station that has\n\
-         just sent begins its next frame without a back-off, and often wins again (the capture effect), which saves\n\
-         collisions at the cost of the others' patience: *fairness* is Jain's index over the whole run and over {SHORT}\n\
-         frames a station, *given up* are frames that collided 16 times in a row. These are reported, and repeated by a\n\
-         window where there is one.\n\n\
-         ### Slot {} us, gap {} us (the default)\n\n{}\n\
-         ### Slot {} us, gap {} us (Ethernet's, in bits)\n\n{}\n\
+         Values above 100 % are no error: M-B gives every station the same chance in every slot, while here stations that\n\
+         have met wait for whole frames of others, out of the way (the capture effect). In IEEE 802.3 one station takes the\n\
+         line so; with the rest of a slot after each frame, which is our default, it is two or more in turn, and two share it\n\
+         evenly. *Fairness* is Jain's index over the whole run and over {SHORT} frames a station. *Given up* are frames that\n\
+         collided 16 times in a row, which is reported; windows repeat them. The longer frames are in slots, the more are\n\
+         given up, since all who wait for the end of a frame begin at once.\n\n\
+         ### Slot {} us, gap {} us, rest {} us (the default)\n\n{}\n\
+         ### Slot {} us, gap {} us, no rest (IEEE 802.3, in bits)\n\n{}\n\
          ## Offered load\n\n\
-         {} stations, frames at random times (Poisson), slot {} us, gap {} us. Load is in percent of the line's bits. *Delay*\n\
+         {} stations, frames at random times (Poisson), the default. Load is in percent of the line's bits. *Delay*\n\
          is from the arrival of a frame to its end on the line, in ms; with more than {QUEUE} frames waiting at a station the\n\
          next is *rejected*.\n\n{}\n\
          ## Nothing lost above the windows\n\n\
@@ -50,13 +51,12 @@ pub fn page(saturated: &[Table; 2], loaded: &Table) -> String {
         TIME.as_secs(),
         ours.config.slot.as_micros(),
         ours.config.gap.as_micros(),
+        ours.config.rest.as_micros(),
         saturation(ours),
         ethernet.config.slot.as_micros(),
         ethernet.config.gap.as_micros(),
         saturation(ethernet),
         LOADED.0,
-        loaded.config.slot.as_micros(),
-        loaded.config.gap.as_micros(),
         load(loaded),
     )
 }
