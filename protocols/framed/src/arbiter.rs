@@ -105,7 +105,8 @@ pub enum Failure {
     },
     /// The line has been in use without a gap for [`Config::patience`].
     LineHeld,
-    /// The station does not hear itself. One that cannot listen must not talk, so it does not try again.
+    /// The station does not hear itself. One that cannot listen must not talk, so it does not try again, and keeps quiet for
+    /// [`Config::patience`] whatever it is given.
     NoEcho,
 }
 
@@ -166,7 +167,7 @@ pub struct Arbiter<const N: usize> {
     quiet_from: Instant,
     /// Since when it has not been, without a gap.
     busy_from: Instant,
-    /// When the rest after the last frame of our own is over.
+    /// When the rest after our own last frame is over.
     rested_at: Instant,
     statistics: Statistics,
 }
@@ -230,11 +231,9 @@ impl<const N: usize> Arbiter<N> {
             return Err(None);
         };
         write(&mut self.frame).map_err(Some)?;
-        if now < self.quiet_from + self.config.gap {
-            count(&mut self.statistics.deferrals);
-        }
         self.state = State::Waiting { collisions: 0, backoff: Backoff::Until(now.max(self.rested_at)) };
-        if now < self.quiet_from + self.config.gap {
+        if now < self.gap_ends() {
+            count(&mut self.statistics.deferrals);
             self.give_up_a_held_line();
         }
         Ok(())
@@ -283,49 +282,52 @@ impl<const N: usize> Arbiter<N> {
 
     /// What to do now.
     pub fn poll(&mut self, now: Instant) -> Action<'_> {
+        self.elapse(now);
         match self.state {
-            State::Waiting { collisions, backoff } => {
-                let gap_ends = self.quiet_from + self.config.gap;
-                let until = match backoff {
-                    Backoff::For(time) if now >= gap_ends => gap_ends + time,
-                    Backoff::For(_) => return Action::Idle,
-                    Backoff::Until(until) => until,
-                };
-                if now >= until.max(gap_ends) {
-                    return self.transmit(now, collisions);
-                }
-                self.state = State::Waiting { collisions, backoff: Backoff::Until(until) };
-            }
-            State::Transmitting { collisions, echoed, deadline } if now >= deadline => {
-                if echoed == 0 {
-                    self.lose(Failure::NoEcho);
-                } else {
-                    // The end was not heard, but it is over: nothing is left to be jammed.
-                    self.back_off(collisions);
-                }
+            State::Waiting { collisions, backoff: Backoff::Until(until) }
+                if now >= until.max(self.gap_ends()) =>
+            {
+                self.transmit(now, collisions)
             }
             State::Collided { collisions } => {
                 let until = now + self.config.line.wire_time(1 + JAM.len());
                 self.state = State::Jamming { collisions, until };
-                return Action::Jam(&JAM);
+                Action::Jam(&JAM)
             }
-            State::Jamming { collisions, until } if now >= until => self.back_off(collisions),
             State::Finished(outcome) => {
                 self.state = State::Idle;
-                return Action::Done(outcome);
+                Action::Done(outcome)
             }
+            _ => Action::Idle,
+        }
+    }
+
+    /// Does what time alone brings about.
+    pub(crate) fn elapse(&mut self, now: Instant) {
+        match self.state {
+            State::Transmitting { echoed: 0, deadline, .. } if now >= deadline => {
+                self.rested_at = now + self.config.patience();
+                self.lose(Failure::NoEcho);
+            }
+            // The end was not heard, but it is over: nothing is left to be jammed.
+            State::Transmitting { collisions, deadline, .. } if now >= deadline => self.back_off(collisions),
+            State::Jamming { collisions, until } if now >= until => self.back_off(collisions),
             _ => {}
         }
-        Action::Idle
+        if let State::Waiting { collisions, backoff: Backoff::For(time) } = self.state
+            && now >= self.gap_ends()
+        {
+            let until = self.gap_ends() + time;
+            self.state = State::Waiting { collisions, backoff: Backoff::Until(until) };
+        }
     }
 
     /// When to poll again, besides after `submit` and `receive`.
     pub fn poll_at(&self) -> Option<Instant> {
-        let gap_ends = self.quiet_from + self.config.gap;
         match self.state {
             State::Idle => None,
-            State::Waiting { backoff: Backoff::For(_), .. } => Some(gap_ends),
-            State::Waiting { backoff: Backoff::Until(until), .. } => Some(until.max(gap_ends)),
+            State::Waiting { backoff: Backoff::For(_), .. } => Some(self.gap_ends()),
+            State::Waiting { backoff: Backoff::Until(until), .. } => Some(until.max(self.gap_ends())),
             State::Transmitting { deadline, .. } => Some(deadline),
             State::Jamming { until, .. } => Some(until),
             State::Collided { .. } | State::Finished(_) => Some(Instant::ZERO),
@@ -337,9 +339,14 @@ impl<const N: usize> Arbiter<N> {
         self.statistics
     }
 
+    /// When a gap has passed, if nothing more is heard.
+    fn gap_ends(&self) -> Instant {
+        self.quiet_from + self.config.gap
+    }
+
     /// The line is in use now, and until `until`.
     fn hear(&mut self, now: Instant, until: Instant) {
-        if now >= self.quiet_from + self.config.gap {
+        if now >= self.gap_ends() {
             self.busy_from = now;
         }
         self.quiet_from = until;

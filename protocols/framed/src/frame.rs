@@ -149,9 +149,9 @@ pub enum Kind {
     Single(Class),
     /// What has arrived of a window.
     Acknowledgement {
-        /// All before this one have arrived, and have been taken by whom they are for.
-        next: Number,
-        /// Bit i: number `next` + i has arrived.
+        /// All before the number with these lower eight bits have arrived, and have been taken by whom they are for.
+        next: u8,
+        /// Bit i: the frame i after that has arrived.
         held: u8,
         /// The window's session.
         session: Session,
@@ -191,14 +191,14 @@ impl Kind {
             Self::Single(class) => class.code(),
             Self::Opening { .. } => 6,
             Self::Consent { .. } => 7,
-            Self::Numbered { number, .. } => WINDOW | number.value(),
+            Self::Numbered { number, .. } => WINDOW | number.split().0,
         }
     }
 
     const fn detail(self) -> [u8; 2] {
         match self {
-            Self::Numbered { class, .. } => [class.code(), 0],
-            Self::Acknowledgement { next, held, .. } => [next.value(), held],
+            Self::Numbered { class, number, .. } => [class.code(), number.split().1],
+            Self::Acknowledgement { next, held, .. } => [next, held],
             Self::Receipt { lrc } => [lrc, 0],
             Self::Refusal { reason, .. } => [reason.code(), 0],
             Self::Consent { window, .. } => [window, 0],
@@ -224,11 +224,11 @@ impl Kind {
             (2, [reason, _]) => Self::Refusal { reason: Reason::from_code(reason)?, session },
             (3..=5, _) => Self::Single(Class::from_code(tag)?),
             _ if session.sender == 0 => return None,
-            (1, [next, held]) => Self::Acknowledgement { next: Number::new(next), held, session },
+            (1, [next, held]) => Self::Acknowledgement { next, held, session },
             (6, _) => Self::Opening { sender: session.sender },
             (7, [window @ 1..=8, _]) => Self::Consent { session, window },
-            (WINDOW.., [class, _]) => {
-                Self::Numbered { number: Number::new(tag), class: Class::from_code(class)?, session }
+            (WINDOW.., [class, upper]) => {
+                Self::Numbered { number: Number::join(tag, upper), class: Class::from_code(class)?, session }
             }
             _ => return None,
         };

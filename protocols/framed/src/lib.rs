@@ -26,7 +26,7 @@
 //! - **DADR 0** is nobody: such a section fills a packet up to 45 bytes. **DADR 255** is the frame itself, see below.
 //!
 //! # Tagged frames
-//! Five bits are too few for a kind and a number each, so a tag carries one of them and the packet the other:
+//! Five bits are too few for a kind and a number, so the tag carries one of them and the packet the other:
 //!
 //! | tag | frame |
 //! |--:|---|
@@ -38,15 +38,17 @@
 //! | 8-15 | reserved; no frame |
 //! | 16-31 | one of a window: its number is the lower four bits |
 //!
-//! A window of 8 frames with selective repeat needs 16 numbers. The packet of a tagged frame ends with a section that is
-//! the frame's own, its *trailer*:
+//! A window of 8 frames with selective repeat needs 16 numbers, on a line that keeps no frames back. The packet of a tagged
+//! frame ends with a section that is the frame's own, its *trailer*:
 //!
 //! ```text
 //! FF | 0A | detail 2 | session 4 | CRC 4 | 0D
 //! ```
-//! - *detail*: of a frame of a window its kind (3, 4, 5) and 0; of an acknowledgement the number expected next, and a bit for
-//!   each number from that on that is already there; of an acknowledgement to a frame of the thesis that frame's LRC and 0;
-//!   of a negative acknowledgement the [`Reason`] and 0; of the consent to a window its size and 0.
+//! - *detail*: of a frame of a window its kind (3, 4, 5), and eight more bits of its number, so that one which was kept back
+//!   after all, say by a serial server, is not taken for the sixteenth after it; of an acknowledgement the lower eight bits
+//!   of the number expected next, and a bit for each from that on that is already there; of an acknowledgement to a frame of
+//!   the thesis that frame's LRC and 0; of a negative acknowledgement the [`Reason`] and 0; of the consent to a window its
+//!   size and 0; 0 and 0 otherwise.
 //! - *session*: see [`window`]; 0 outside of any.
 //! - *CRC*: CRC-32C, big-endian, over everything from origin to session. It finds all of up to five wrong bits in frames of
 //!   up to 655 bytes, of up to three in longer ones, and all but one in 2^32 of anything else.

@@ -101,7 +101,10 @@ struct Link<const W: usize, const N: usize> {
 enum Sending {
     Nothing,
     /// What needs no report: an acknowledgement and the like.
-    Control,
+    Answer {
+        peer: u8,
+        kind: Kind,
+    },
     /// [`Station::post`].
     Post,
     Window {
@@ -214,6 +217,7 @@ impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
             }
         }
         self.fill(now);
+        self.arbiter.elapse(now);
         if self.arbiter.is_finished() {
             return self.finish(now);
         }
@@ -380,7 +384,7 @@ impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
         let body = [peer, 0, section::TERMINATOR];
         let origin = self.config.address;
         let taken = self.arbiter.submit(now, |buffer| frame::emit(buffer, origin, kind, &body));
-        self.sending = Sending::Control;
+        self.sending = Sending::Answer { peer, kind };
         taken.is_ok()
     }
 
@@ -429,7 +433,12 @@ impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
                     link.sender.sent(now, what, outcome.is_ok());
                 }
             }
-            Sending::Nothing | Sending::Control => {}
+            Sending::Answer { peer, kind } if outcome.is_err() => {
+                if let Some(link) = self.links.iter_mut().find(|link| link.peer == peer) {
+                    link.receiver.failed(now, kind);
+                }
+            }
+            Sending::Nothing | Sending::Answer { .. } => {}
         }
         // The next frame, if there is one: this comes here again only when that is done.
         self.poll(now)

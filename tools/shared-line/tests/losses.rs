@@ -120,11 +120,11 @@ fn a_dead_peer_is_reported_and_does_no_harm_to_others() {
     line.run_until(Instant::from_millis(2_000)).expect("manners");
     let before = line.node(0).application.confirmed;
     *line.place(2) = Place { deaf: true, judged: false, ..*line.place(2) };
-    line.run_until(Instant::from_millis(6_000)).expect("manners");
-    assert!(line.node(0).application.confirmed > before + 500, "17 goes on");
+    line.run_until(Instant::from_millis(17_000)).expect("manners");
+    assert!(line.node(0).application.confirmed > before + 2_000, "17 goes on");
     *line.place(2) = Place { deaf: false, ..*line.place(2) };
     let heard = line.node(0).application.confirmed;
-    line.run_until(Instant::from_millis(9_000)).expect("manners");
+    line.run_until(Instant::from_millis(20_000)).expect("manners");
     assert!(line.node(0).application.confirmed > heard + 500);
     drain(&mut line, 3);
     nothing_is_silent(&line);
@@ -239,6 +239,10 @@ fn a_station_that_does_not_hear_itself_falls_silent() {
     let once = line.totals().characters;
     line.run_until(Instant::from_millis(1_000)).expect("manners");
     assert_eq!(line.totals().characters, once, "it tried again");
+    assert_eq!(post(&mut line), Err(Failure::NoEcho));
+    let again = line.now();
+    assert_eq!(post(&mut line), Err(Failure::NoEcho));
+    assert!(line.now().since(again) > config(1).arbiter.patience(), "it talks on although it is deaf");
     line.place(0).deaf = false;
     assert_eq!(post(&mut line), Ok(()), "the station can be used again");
 }

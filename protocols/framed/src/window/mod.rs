@@ -60,15 +60,16 @@ pub struct Config {
 }
 
 impl Config {
-    /// For a line and frames of at most `longest` bytes: windows of 8, 10 repetitions, timeouts of 16, 4 and 128 such
-    /// frames, acknowledgements after one.
+    /// For a line and frames of at most `longest` bytes: windows of 8, 15 repetitions, timeouts of 16 such frames at first, 4
+    /// at least and a second at most, acknowledgements after one. A peer that is dead at 1 Mbit/s is given up after some
+    /// ten seconds: on a saturated line a living one may not get a word in for more than one.
     pub fn new(line: Settings, longest: usize) -> Self {
         Self {
             window: MAX_WINDOW as u8,
-            retries: 10,
+            retries: 15,
             first_timeout: line.wire_time(16 * longest),
             min_timeout: line.wire_time(4 * longest),
-            max_timeout: line.wire_time(128 * longest),
+            max_timeout: Duration::from_secs(1).max(line.wire_time(16 * longest)),
             acknowledge_after: line.wire_time(longest),
         }
     }

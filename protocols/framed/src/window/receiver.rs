@@ -130,10 +130,10 @@ impl<const W: usize, const N: usize> Receiver<W, N> {
             self.frames.get(place).is_some_and(|frame| frame.arrived)
         });
         let held = held.fold(0, |bits, ahead| bits | 1 << ahead);
-        Some(Kind::Acknowledgement { next: self.next, held, session })
+        Some(Kind::Acknowledgement { next: self.next.value() as u8, held, session })
     }
 
-    /// What [`Receiver::next`] gave is on its way. Should it fail to arrive, the sender asks again.
+    /// What [`Receiver::next`] gave is on its way. Should it get lost there, the sender asks again.
     pub(crate) fn sent(&mut self, kind: Kind) {
         match kind {
             Kind::Refusal { .. } => self.refusal = None,
@@ -142,6 +142,15 @@ impl<const W: usize, const N: usize> Receiver<W, N> {
                 self.acknowledge_at = None;
                 self.unacknowledged = 0;
             }
+            _ => {}
+        }
+    }
+
+    /// What [`Receiver::next`] gave did not get onto the line.
+    pub(crate) fn failed(&mut self, now: Instant, kind: Kind) {
+        match kind {
+            Kind::Consent { .. } => self.consent = true,
+            Kind::Acknowledgement { .. } => self.acknowledge_by(now),
             _ => {}
         }
     }

@@ -190,11 +190,11 @@ impl<const W: usize, const N: usize> Sender<W, N> {
     }
 
     /// The peer has acknowledged.
-    pub(crate) fn acknowledged(&mut self, now: Instant, next: Number, held: u8, of: Session) {
+    pub(crate) fn acknowledged(&mut self, now: Instant, next: u8, held: u8, of: Session) {
         let State::Open { session, .. } = self.state else {
             return;
         };
-        let count = next.since(self.base);
+        let count = next.wrapping_sub(self.base.value() as u8);
         let confirmed = usize::from(count);
         // Of another session, or older than what is known.
         if of != session || confirmed > self.frames.iter().take_while(|frame| frame.tries > 0).count() {
@@ -222,7 +222,7 @@ impl<const W: usize, const N: usize> Sender<W, N> {
                 let _ = self.outcomes.push_back((frame.ticket, Outcome::Confirmed));
             }
         }
-        self.base = next;
+        self.base = self.base.plus(count);
         self.timeout.progress();
         self.restart_timer(now);
         if let Some((order, sent, tries)) = newest {
