@@ -19,5 +19,5 @@ mod noise;
 pub mod station;
 
 pub use heard::{Drive, Heard, Node};
-pub use judge::Violation;
+pub use judge::{Rule, Violation};
 pub use line::{Line, Place, Sense, Totals};

@@ -82,6 +82,7 @@ pub struct Line<N> {
     on_the_way: BinaryHeap<Reverse<(u64, u64, usize, u8)>>,
     order: u64,
     longest_way: u64,
+    shortcut: bool,
     totals: Totals,
 }
 
@@ -136,6 +137,7 @@ impl<N: Node> Line<N> {
             on_the_way: BinaryHeap::new(),
             order: 0,
             longest_way: 0,
+            shortcut: true,
             totals: Totals::default(),
         }
     }
@@ -170,6 +172,12 @@ impl<N: Node> Line<N> {
     /// The place of a station, to break it or to mend it.
     pub fn place(&mut self, station: usize) -> &mut Place {
         &mut self.seats[station].place
+    }
+
+    /// Lets every character take the long way, which is what the short one is measured by.
+    pub fn without_shortcut(mut self) -> Self {
+        self.shortcut = false;
+        self
     }
 
     /// The virtual time.
@@ -270,7 +278,8 @@ impl<N: Node> Line<N> {
     /// Whether nothing else happens until everybody has heard the character that begins now.
     fn is_alone(&mut self, talker: usize) -> bool {
         let until = self.now + self.character + self.longest_way;
-        let quiet = self.on_the_way.is_empty()
+        let quiet = self.shortcut
+            && self.on_the_way.is_empty()
             && self.seats.iter().enumerate().all(|(station, seat)| {
                 seat.wake > until
                     && seat.receiver.until().is_none()
