@@ -306,24 +306,15 @@ fn a_station_without_room_says_so() {
         station.submit(now, peer, Class::Data, &body(&[(peer, b"a")])).expect("room");
     }
     let opening = common::emit(4, Kind::Opening { sender: 77 }, &body(&[(1, &[])]));
-    let mut at = now;
-    for byte in opening {
-        at += Duration::from_micros(10);
-        station.receive(at, byte);
-        assert_eq!(station.poll(at), Action::Idle);
-    }
-    at = station.poll_at().expect("an answer is due");
+    hear(&mut station, now, &opening);
+    let mut at = station.poll_at().expect("an answer is due");
     let Action::Transmit(bytes) = station.poll(at) else {
         panic!("no answer");
     };
     // An opening of its own has been waiting before the answer came up.
     let own = bytes.to_vec();
     assert!(matches!(frame::parse(&own).map(|frame| frame.kind), Ok(Kind::Opening { .. })));
-    for byte in own {
-        at += Duration::from_micros(10);
-        station.receive(at, byte);
-        assert_eq!(station.poll(at), Action::Idle);
-    }
+    at = hear(&mut station, at, &own);
     at = station.poll_at().expect("the answer is due");
     let Action::Transmit(bytes) = station.poll(at) else {
         panic!("no answer");
@@ -332,4 +323,61 @@ fn a_station_without_room_says_so() {
     let session = puente_framed::Session { sender: 77, receiver: 0 };
     assert_eq!(frame.destination(), 4);
     assert_eq!(frame.kind, Kind::Refusal { reason: puente_framed::Reason::NoRoom, session });
+}
+
+/// The station hears these bytes, and does nothing meanwhile; when it has heard the last.
+fn hear(station: &mut Peer, mut now: Instant, bytes: &[u8]) -> Instant {
+    for byte in bytes {
+        now += Duration::from_micros(10);
+        station.receive(now, *byte);
+        assert_eq!(station.poll(now), Action::Idle);
+        assert!(station.poll_at().is_none_or(|at| at > now), "poll would spin");
+    }
+    now
+}
+
+/// A consent that did not get onto the line whole, but whose session is in use: it must not be given again. Found by fuzzing.
+#[test]
+fn a_consent_that_collided_and_was_understood_is_done_with() {
+    let mut now = Instant::from_millis(1_000);
+    let mut station = Peer::new(config(1), now, 1);
+    now = hear(&mut station, now, &common::emit(4, Kind::Opening { sender: 77 }, &body(&[(1, &[])])));
+    for attempt in 0..16 {
+        let bytes = loop {
+            now = station.poll_at().expect("something is in work");
+            match station.poll(now) {
+                Action::Transmit(bytes) => break bytes.to_vec(),
+                action => assert_eq!(action, Action::Idle),
+            }
+        };
+        // Its last byte comes back damaged, after the other has understood.
+        let Ok(Kind::Consent { session, .. }) = frame::parse(&bytes).map(|frame| frame.kind) else {
+            panic!("no consent");
+        };
+        now = hear(&mut station, now, &bytes[..bytes.len() - 1]);
+        now += Duration::from_micros(10);
+        station.receive(now, 0x55);
+        assert!(matches!(station.poll(now), Action::Jam(_)));
+        if attempt == 14 {
+            let kind = Kind::Numbered { number: puente_framed::Number::ZERO, class: Class::Data, session };
+            let bytes = common::emit(4, kind, &body(&[(1, b"a")]));
+            for byte in bytes {
+                now += Duration::from_micros(10);
+                station.receive(now, byte);
+            }
+            assert!(matches!(station.poll(now), Action::Received { from: 4, .. }));
+        }
+    }
+    let mut sent = 0;
+    while let Some(at) = station.poll_at() {
+        assert!(at >= now, "poll would spin");
+        now = at;
+        if let Action::Transmit(bytes) = station.poll(now) {
+            assert!(matches!(frame::parse(bytes).map(|frame| frame.kind), Ok(Kind::Acknowledgement { .. })));
+            let echo = bytes.to_vec();
+            now = hear(&mut station, now, &echo);
+            sent += 1;
+        }
+    }
+    assert_eq!(sent, 1);
 }

@@ -149,7 +149,7 @@ impl<const W: usize, const N: usize> Receiver<W, N> {
     /// What [`Receiver::next`] gave did not get onto the line.
     pub(crate) fn failed(&mut self, now: Instant, kind: Kind) {
         match kind {
-            Kind::Consent { .. } => self.consent = true,
+            Kind::Consent { .. } => self.consent = self.offered.is_some(),
             Kind::Acknowledgement { .. } => self.acknowledge_by(now),
             _ => {}
         }
@@ -169,6 +169,7 @@ impl<const W: usize, const N: usize> Receiver<W, N> {
     fn begin(&mut self, session: Session) {
         self.session = Some(session);
         self.offered = None;
+        self.consent = false;
         self.next = Number::ZERO;
         self.unacknowledged = 0;
         self.acknowledge_at = None;
