@@ -103,7 +103,7 @@ pub enum Failure {
         /// So many.
         attempts: u8,
     },
-    /// The line has been in use without a gap for [`Config::patience`].
+    /// The line has been in use without a gap for [`Config::patience`], since the frame came.
     LineHeld,
     /// The station does not hear itself. One that cannot listen must not talk, so it does not try again, and keeps quiet for
     /// [`Config::patience`] whatever it is given.
@@ -165,7 +165,7 @@ pub struct Arbiter<const N: usize> {
     state: State,
     /// Since when, or from when on, the line is silent.
     quiet_from: Instant,
-    /// Since when it has not been, without a gap.
+    /// Since when it has not been, without a gap, while the frame waits.
     busy_from: Instant,
     /// When the rest after our own last frame is over.
     rested_at: Instant,
@@ -234,7 +234,8 @@ impl<const N: usize> Arbiter<N> {
         self.state = State::Waiting { collisions: 0, backoff: Backoff::Until(now.max(self.rested_at)) };
         if now < self.gap_ends() {
             count(&mut self.statistics.deferrals);
-            self.give_up_a_held_line();
+            // It has its own time to wait: were it given up at once, its owner would try for ever.
+            self.busy_from = now;
         }
         Ok(())
     }
@@ -350,10 +351,6 @@ impl<const N: usize> Arbiter<N> {
             self.busy_from = now;
         }
         self.quiet_from = until;
-        self.give_up_a_held_line();
-    }
-
-    fn give_up_a_held_line(&mut self) {
         let held = self.quiet_from.since(self.busy_from) > self.config.patience();
         if held && matches!(self.state, State::Waiting { .. }) {
             self.lose(Failure::LineHeld);

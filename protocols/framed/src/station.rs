@@ -440,7 +440,7 @@ impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
             }
             Sending::Nothing | Sending::Answer { .. } => {}
         }
-        // The next frame, if there is one: this comes here again only when that is done.
+        // The next frame, if there is one. No frame is done at once, so that this does not come here again.
         self.poll(now)
     }
 }
