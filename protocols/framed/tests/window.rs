@@ -314,7 +314,7 @@ fn a_station_without_room_says_so() {
     // An opening of its own has been waiting before the answer came up.
     let own = bytes.to_vec();
     assert!(matches!(frame::parse(&own).map(|frame| frame.kind), Ok(Kind::Opening { .. })));
-    at = hear(&mut station, at, &own);
+    hear(&mut station, at, &own);
     at = station.poll_at().expect("the answer is due");
     let Action::Transmit(bytes) = station.poll(at) else {
         panic!("no answer");

@@ -2,21 +2,23 @@
 
 mod common;
 
+use std::cell::RefCell;
 use std::collections::BTreeSet;
+use std::rc::Rc;
 use std::time::Duration;
 
-use common::{LONGEST, Node, Talker, config, drain, fast, join, line, message, run};
-use puente_framed::Station;
+use common::{LONGEST, Talker, config, drain, fast, join, line, message, run};
 use puente_framed::arbiter::Failure;
-use puente_framed::station::{Action, Config};
+use puente_framed::station::Action;
 use puente_framed::window::{Cause, Outcome};
+use puente_framed::{Kind, Station};
 use puente_line::Instant;
 use puente_shared_line::station::{Application, Framed};
-use puente_shared_line::{Line, Place, faulty::Babbler};
+use puente_shared_line::{Line, Node, Place, faulty::Babbler};
 
 /// No message was delivered twice, every one that was confirmed was delivered, and every one that was not delivered is
 /// reported. How many were not confirmed.
-fn nothing_is_silent(line: &Line<Node>) -> usize {
+fn nothing_is_silent(line: &Line<common::Node>) -> usize {
     let mut unconfirmed = 0;
     for sender in line.nodes().map(|node| &node.application) {
         for (to, submitted) in &sender.submitted {
@@ -64,7 +66,7 @@ fn without_windows_losses_are_reported() {
 }
 
 /// A pair of stations; the second can be taken off the line and put back anew.
-fn pair() -> Line<Node> {
+fn pair() -> Line<common::Node> {
     let mut line = line(0.0, 3);
     join(&mut line, Talker::new(1, &[17]), config(1), 1);
     join(&mut line, Talker::new(17, &[]), config(17), 2);
@@ -133,11 +135,15 @@ fn a_dead_peer_is_reported_and_does_no_harm_to_others() {
     assert!(to(99).count() >= 8 && to(99).all(|outcome| outcome == Outcome::NotSent(Cause::Silent)));
     assert!(to(17).all(|outcome| outcome == Outcome::Confirmed));
     assert!(to(18).any(|outcome| outcome == Outcome::Unconfirmed(Cause::Silent)));
-    assert_eq!(to(18).last(), Some(Outcome::Confirmed), "18 is served again");
+    assert_eq!(to(18).next_back(), Some(Outcome::Confirmed), "18 is served again");
 }
 
-/// Posts one frame and waits.
-struct Poster {
+/// Posts a frame when told to.
+#[derive(Clone, Default)]
+struct Poster(Rc<RefCell<Posts>>);
+
+#[derive(Default)]
+struct Posts {
     due: bool,
     outcomes: Vec<Result<(), Failure>>,
 }
@@ -145,104 +151,65 @@ struct Poster {
 impl Application<1, 1, LONGEST> for Poster {
     fn take(&mut self, _now: Instant, action: Action<'_>) {
         if let Action::Posted(outcome) = action {
-            self.outcomes.push(outcome);
+            self.0.borrow_mut().outcomes.push(outcome);
         }
     }
 
     fn drive(&mut self, _now: Instant, station: &mut Station<1, 1, LONGEST>) {
-        if std::mem::take(&mut self.due) {
-            station.post(puente_framed::Kind::Plain, &message(1, 17, 0)).expect("nothing is in work");
+        if std::mem::take(&mut self.0.borrow_mut().due) {
+            station.post(Kind::Plain, &message(1, 17, 0)).expect("nothing is in work");
         }
     }
 }
 
-type Mixed = Line<Box<Either>>;
-
-enum Either {
-    Poster(Framed<Poster, 1, 1, LONGEST>),
-    Babbler(Babbler),
+/// A line with a poster in the first place.
+fn with_poster(place: Place) -> (Line<Box<dyn Node>>, Poster) {
+    let mut line: Line<Box<dyn Node>> = Line::new(fast(), config(1).arbiter.gap, 0.0, 1);
+    let poster = Poster::default();
+    let station = Station::new(config(1), Instant::ZERO, 1);
+    line.join(Box::new(Framed { application: poster.clone(), station }), place);
+    (line, poster)
 }
 
-impl puente_shared_line::Node for Either {
-    fn hear(&mut self, now: Instant, heard: puente_shared_line::Heard) {
-        match self {
-            Self::Poster(node) => node.hear(now, heard),
-            Self::Babbler(node) => node.hear(now, heard),
-        }
-    }
-
-    fn carrier(&mut self, now: Instant) {
-        match self {
-            Self::Poster(node) => node.carrier(now),
-            Self::Babbler(node) => node.carrier(now),
-        }
-    }
-
-    fn poll(&mut self, now: Instant) -> Option<puente_shared_line::Drive> {
-        match self {
-            Self::Poster(node) => node.poll(now),
-            Self::Babbler(node) => node.poll(now),
-        }
-    }
-
-    fn poll_at(&self) -> Option<Instant> {
-        match self {
-            Self::Poster(node) => node.poll_at(),
-            Self::Babbler(node) => node.poll_at(),
-        }
-    }
-}
-
-fn poster(config: Config, seed: u64) -> Box<Either> {
-    let application = Poster { due: false, outcomes: Vec::new() };
-    Box::new(Either::Poster(Framed { application, station: Station::new(config, Instant::ZERO, seed) }))
-}
-
-/// Lets the first station post a frame, and gives its outcome.
-fn post(line: &mut Mixed) -> Result<(), Failure> {
-    let outcomes = |line: &Mixed| match &**line.node(0) {
-        Either::Poster(node) => node.application.outcomes.clone(),
-        Either::Babbler(_) => unreachable!("the first is a poster"),
-    };
-    let before = outcomes(line).len();
-    if let Either::Poster(node) = &mut **line.tell(0) {
-        node.application.due = true;
-    }
-    while outcomes(line).len() == before {
+/// Lets it post a frame, and gives its outcome.
+fn post(line: &mut Line<Box<dyn Node>>, Poster(posts): &Poster) -> Result<(), Failure> {
+    posts.borrow_mut().due = true;
+    line.tell(0);
+    loop {
         let next = line.now() + Duration::from_millis(1);
         line.run_until(next).expect("manners");
+        if let Some(outcome) = posts.borrow_mut().outcomes.pop() {
+            return outcome;
+        }
     }
-    outcomes(line)[before]
 }
 
 #[test]
 fn a_babbling_station_is_waited_for_but_not_for_ever() {
-    let mut line: Mixed = Line::new(fast(), config(1).arbiter.gap, 0.0, 1);
-    line.join(poster(config(1), 1), Place::new(fast()));
+    let (mut line, poster) = with_poster(Place::new(fast()));
     let (from, until) = (Instant::from_millis(10), Instant::from_millis(500));
-    let babbler = Box::new(Either::Babbler(Babbler::new(fast(), from, until, 9)));
+    let babbler = Box::new(Babbler::new(fast(), from, until, 9));
     line.join(babbler, Place { judged: false, ..Place::new(fast()) });
-    assert_eq!(post(&mut line), Ok(()));
+    assert_eq!(post(&mut line, &poster), Ok(()));
     line.run_until(Instant::from_millis(50)).expect("manners");
     let begun = line.now();
-    assert_eq!(post(&mut line), Err(Failure::LineHeld));
+    assert_eq!(post(&mut line, &poster), Err(Failure::LineHeld));
     assert!(line.now().since(begun) <= config(1).arbiter.patience() + Duration::from_millis(2));
     line.run_until(until + Duration::from_millis(1)).expect("manners");
-    assert_eq!(post(&mut line), Ok(()), "the station can be used again");
+    assert_eq!(post(&mut line, &poster), Ok(()), "the station can be used again");
 }
 
 #[test]
 fn a_station_that_does_not_hear_itself_falls_silent() {
-    let mut line: Mixed = Line::new(fast(), config(1).arbiter.gap, 0.0, 1);
-    line.join(poster(config(1), 1), Place { deaf: true, judged: false, ..Place::new(fast()) });
-    assert_eq!(post(&mut line), Err(Failure::NoEcho));
+    let (mut line, poster) = with_poster(Place { deaf: true, judged: false, ..Place::new(fast()) });
+    assert_eq!(post(&mut line, &poster), Err(Failure::NoEcho));
     let once = line.totals().characters;
     line.run_until(Instant::from_millis(1_000)).expect("manners");
     assert_eq!(line.totals().characters, once, "it tried again");
-    assert_eq!(post(&mut line), Err(Failure::NoEcho));
+    assert_eq!(post(&mut line, &poster), Err(Failure::NoEcho));
     let again = line.now();
-    assert_eq!(post(&mut line), Err(Failure::NoEcho));
+    assert_eq!(post(&mut line, &poster), Err(Failure::NoEcho));
     assert!(line.now().since(again) > config(1).arbiter.patience(), "it talks on although it is deaf");
     line.place(0).deaf = false;
-    assert_eq!(post(&mut line), Ok(()), "the station can be used again");
+    assert_eq!(post(&mut line, &poster), Ok(()), "the station can be used again");
 }

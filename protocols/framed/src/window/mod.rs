@@ -1,8 +1,7 @@
 //! Sliding windows: frames that arrive once and in order, or are reported lost.
 //!
-//! Each direction between two stations has a window of its own, with a [`Sender`] at one end and a [`Receiver`] at the other.
-//! Up to eight frames are outstanding; what is missing is repeated alone (selective repeat). Memory is bounded: `W` frames
-//! of at most `N` bytes at either end.
+//! Each direction between two stations has a window of its own. Up to eight frames are outstanding; what is missing is repeated
+//! alone (selective repeat). Memory is bounded: `W` frames of at most `N` bytes at either end of each.
 //!
 //! # Sessions
 //! A station that starts anew counts its frames from 0 again, and frames of its past may still come. So numbers count within
@@ -34,9 +33,9 @@ use core::time::Duration;
 
 use puente_line::Settings;
 
-pub use receiver::Receiver;
-pub(crate) use sender::Sending;
-pub use sender::{Refused, Sender, Ticket};
+pub(crate) use receiver::Receiver;
+pub use sender::{Refused, Ticket};
+pub(crate) use sender::{Sender, Sending};
 
 /// Frames of the largest window: half as many as there are numbers.
 pub const MAX_WINDOW: usize = 8;

@@ -1,7 +1,7 @@
-//! `cargo xtask bench`: measurements of the running gateway, printed as a page of Markdown.
+//! `cargo xtask bench`: measurements, printed as a page of Markdown. Progress goes to stderr, the page to stdout:
+//! `cargo xtask bench modbus > docs/bench.md`.
 //!
-//! The gateway and the simulated cell run as programs of their own, built for release. Progress goes to stderr, the page
-//! to stdout: `cargo xtask bench modbus > docs/bench.md`.
+//! `modbus`: the gateway and the simulated cell run as programs of their own, built for release. `csma`: virtual time.
 
 mod client;
 mod csma;

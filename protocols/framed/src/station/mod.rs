@@ -1,70 +1,17 @@
 //! A station: decoder, arbiter and windows together.
 
-use core::time::Duration;
+mod types;
 
 use heapless::Vec;
-use puente_line::{Instant, Settings};
+use puente_line::Instant;
 
-use crate::arbiter::{self, Arbiter, Busy, Failure, Statistics};
+pub use types::{Action, Config};
+
+use crate::arbiter::{self, Arbiter, Busy, Statistics};
 use crate::frame::{self, EmitError, Frame, Kind};
 use crate::section::{self, Sections};
-use crate::window::{self, Outcome, Receiver, Refused, Sender, Ticket};
+use crate::window::{self, Receiver, Refused, Sender, Ticket};
 use crate::{Class, Decoder, Random, Reason, Session};
-
-/// How a station works.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Config {
-    /// Its address, 1 to 254.
-    pub address: u8,
-    /// Its manners on the line.
-    pub arbiter: arbiter::Config,
-    /// Its windows.
-    pub window: window::Config,
-    /// After so long a silence a frame that is incomplete is void. A port that hands bytes on in bursts needs more than the
-    /// arbiter's gap.
-    pub silence: Duration,
-}
-
-impl Config {
-    /// For a line and frames of at most `longest` bytes: [`arbiter::Config::new`], [`window::Config::new`], void after a gap.
-    pub fn new(address: u8, line: Settings, longest: usize) -> Self {
-        let arbiter = arbiter::Config::new(line);
-        Self { address, arbiter, window: window::Config::new(line, longest), silence: arbiter.gap }
-    }
-}
-
-/// What the caller has to do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Action<'a> {
-    /// Send these bytes, now and without a pause, and keep listening.
-    Transmit(&'a [u8]),
-    /// Stop sending, with the character that is under way, and send this instead.
-    Jam(&'static [u8]),
-    /// A frame of a window, once and in order.
-    Received {
-        /// The station that sent it.
-        from: u8,
-        /// What it carries.
-        class: Class,
-        /// Its sections.
-        body: &'a [u8],
-    },
-    /// A frame outside of any window, of the thesis or not, whoever it is for.
-    Heard(Frame<'a>),
-    /// What has become of a frame of a window.
-    Done {
-        /// The station that it was for.
-        to: u8,
-        /// Which frame.
-        ticket: Ticket,
-        /// What has become of it.
-        outcome: Outcome,
-    },
-    /// What has become of the frame of [`Station::post`]. That it was on the line does not mean that anyone has understood it.
-    Posted(Result<(), Failure>),
-    /// Nothing until something is heard, or the time of [`Station::poll_at`].
-    Idle,
-}
 
 /// A station of the line, with windows to at most `PEERS` others, of `W` frames in either direction. `N` is its longest frame.
 ///
