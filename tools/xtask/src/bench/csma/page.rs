@@ -40,7 +40,8 @@ pub fn page(saturated: &[Table; 2], loaded: &Table) -> String {
          ## Offered load\n\n\
          {} stations, frames at random times (Poisson), the default. Load is in percent of the line's bits. *Delay*\n\
          is from the arrival of a frame to its end on the line, in ms; with more than {QUEUE} frames waiting at a station the\n\
-         next is *rejected*.\n\n{}\n\
+         next is *rejected*. For cyclic commands keep the load below 40 %: from there on the slowest frames wait for many\n\
+         others.\n\n{}\n\
          ## Nothing lost above the windows\n\n\
          `cargo test --release -p puente-shared-line --test rivals -- --ignored --nocapture` puts 10^9 bits on the line:\n\
          three masters and two modules that all send to each other through windows, one bit in 10^5 wrong at every\n\
