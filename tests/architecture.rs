@@ -1,3 +1,5 @@
+//! Host alone: no gateway runs.
+//!
 //! Who may know whom: data flows one way, and the protocols know nothing but their protocol.
 
 use std::fs;
@@ -109,5 +111,31 @@ fn protocols_are_sans_io() {
         }
         let manifest = fs::read_to_string(folder.join("Cargo.toml")).expect("Cargo.toml");
         assert!(!manifest.contains("embassy"), "{}: depends on Embassy", folder.display());
+    }
+}
+
+/// `cargo xtask emulate --test` runs every test file on the emulated board that does not begin with this and a reason.
+#[test]
+fn tests_that_no_board_passes_say_why() {
+    const HOST_ALONE: &str = "//! Host alone: ";
+    let of_the_host = ["run_to_end(", ".terminate(", ".pull("];
+    for entry in fs::read_dir(root().join("tests")).expect("tests") {
+        let path = entry.expect("entry").path();
+        let sources = if path.is_dir() { files(&path, "rs") } else { vec![path.clone()] };
+        let main = if path.is_dir() { path.join("main.rs") } else { path };
+        if !main.is_file() || main.ends_with("architecture.rs") {
+            continue;
+        }
+        let text = fs::read_to_string(&main).expect("text");
+        let first = text.lines().next().expect("a line");
+        match first.strip_prefix(HOST_ALONE) {
+            Some(reason) => assert!(reason.len() > 10, "{}: why?", main.display()),
+            None => {
+                for word in of_the_host {
+                    let found = sources.iter().find(|file| code(file).iter().any(|line| line.contains(word)));
+                    assert!(found.is_none(), "{found:?}: a board has no `{word}`; begin with `{HOST_ALONE}`");
+                }
+            }
+        }
     }
 }

@@ -1,3 +1,5 @@
+//! Host alone: the options of the program, and its settings in a file.
+//!
 //! Settings: what is wrong with them is said with its place, before anything is opened; what is printed is accepted.
 
 mod common;
@@ -9,6 +11,7 @@ use std::path::PathBuf;
 use common::{run_to_end, scratch};
 
 const GOOD: &str = r#"
+version = 1
 [net]
 bind = "127.0.0.1"
 port = 18080
@@ -124,12 +127,12 @@ fn bad_settings_are_refused_with_their_place() {
         ("clients = 4", "clients = 65", &["[net] clients"]),
         ("lease_ms = 400", "lease_ms = 49", &["[net] lease_ms", "50 to 5000"]),
         ("lease_ms = 400", "lease_ms = 5001", &["[net] lease_ms"]),
-        ("lease_ms = 400", "lease_ms = -1", &["7", "lease_ms"]),
+        ("lease_ms = 400", "lease_ms = -1", &["8", "lease_ms"]),
         ("idle_s = 60", "idle_s = 4", &["[net] idle_s"]),
-        ("port = 18080", "port = 65536", &["4", "port"]),
+        ("port = 18080", "port = 65536", &["5", "port"]),
         ("port = 18080", "port = 18502", &["[net] modbus_port", "differ"]),
-        ("bind = \"127.0.0.1\"", "bind = \"localhost\"", &["3", "bind"]),
-        ("clients = 4", "client = 4", &["6", "client", "unknown"]),
+        ("bind = \"127.0.0.1\"", "bind = \"localhost\"", &["4", "bind"]),
+        ("clients = 4", "client = 4", &["7", "client", "unknown"]),
         ("[net]", "[nett]", &["nett", "unknown"]),
         ("name = \"b\"", "name = \"a\"", &["[[bus]] \"a\" name", "unique"]),
         ("name = \"b\"", "name = \"\"", &["[[bus]] \"\" name"]),
@@ -149,18 +152,18 @@ fn bad_settings_are_refused_with_their_place() {
         ("tcp:192.0.2.1:4001", "tcp::4001", &["[[bus]] \"b\" port"]),
         ("tcp:192.0.2.1:4001", "/dev/does-not-exist", &["[[bus]] \"b\" port", "\"a\""]),
         ("baud = 19200", "baud = 0", &["[[bus]] \"a\" baud"]),
-        ("baud = 19200", "bauds = 19200", &["13", "bauds", "unknown"]),
-        ("format = \"8E1\"", "format = \"8X1\"", &["14", "format"]),
-        ("format = \"8E1\"", "format = \"9E1\"", &["14", "format"]),
-        ("units = \"1-16,20\"", "units = \"0-16\"", &["15", "units", "1 to 247"]),
-        ("units = \"1-16,20\"", "units = \"16-1\"", &["15", "units"]),
+        ("baud = 19200", "bauds = 19200", &["14", "bauds", "unknown"]),
+        ("format = \"8E1\"", "format = \"8X1\"", &["15", "format"]),
+        ("format = \"8E1\"", "format = \"9E1\"", &["15", "format"]),
+        ("units = \"1-16,20\"", "units = \"0-16\"", &["16", "units", "1 to 247"]),
+        ("units = \"1-16,20\"", "units = \"16-1\"", &["16", "units"]),
         ("units = \"30-40\"", "units = \"20-40\"", &["[[bus]] \"b\" units", "unit 20", "\"a\""]),
         ("reply_timeout_ms = 100", "reply_timeout_ms = 0", &["[[bus]] \"a\" reply_timeout_ms"]),
         ("turnaround_ms = 50", "turnaround_ms = 10001", &["[[bus]] \"a\" turnaround_ms"]),
         ("rest_ms = 2", "rest_ms = 10001", &["[[bus]] \"a\" rest_ms"]),
         ("quarantine_ms = 150", "quarantine_ms = 60001", &["[[bus]] \"a\" quarantine_ms"]),
         ("queue_timeout_ms = 2000", "queue_timeout_ms = 1", &["[[bus]] \"a\" queue_timeout_ms"]),
-        ("echo = \"verify\"", "echo = \"on\"", &["21", "echo"]),
+        ("echo = \"verify\"", "echo = \"on\"", &["22", "echo"]),
         ("name = \"y\"", "name = \"x\"", &["[[axis]] \"x\" name", "unique"]),
         ("bus = \"b\"\n", "bus = \"c\"\n", &["[[axis]] \"y\" bus", "\"c\""]),
         ("bus = \"b\"\n", "bus = \"a\"\n", &["[[axis]] \"y\" address", "\"x\""]),
@@ -171,7 +174,21 @@ fn bad_settings_are_refused_with_their_place() {
         ("jog_enable = 0x2023", "jog_enabled = 1", &["jog_enabled", "unknown"]),
         ("jog_enable = 0x2023", "jog_enable = 65536", &["jog_enable"]),
         ("status = 0x0902", "jog_forward = 0x2023", &["[[axis]] \"x\" registers", "2023h"]),
-        ("clients = 4", "clients = ", &["6"]),
+        ("clients = 4", "clients = ", &["7"]),
+        ("version = 1", "version = 2", &["version: 2 is not known, this firmware reads version 1"]),
+        ("version = 1", "version = 2\ncolour = 1", &["version: 2 is not known"]),
+        ("idle_s = 60", "dhcp = 1", &["8", "dhcp"]),
+        ("idle_s = 60", "address = \"10.0.0.1\"", &["8", "address", "as in 192.168.1.111/24"]),
+        ("idle_s = 60", "address = \"10.0.0.1/31\"", &["[net] address", "1 to 30"]),
+        ("idle_s = 60", "address = \"10.0.0.0/24\"", &["[net] address", "a host can have"]),
+        ("idle_s = 60", "address = \"127.0.0.1/8\"", &["[net] address", "a host can have"]),
+        ("idle_s = 60", "address = \"224.0.0.1/24\"", &["[net] address", "a host can have"]),
+        ("idle_s = 60", "router = \"10.0.0.1\"", &["[net] router", "of the network"]),
+        ("idle_s = 60", "router = \"192.168.1.111\"", &["[net] router", "another host"]),
+        ("idle_s = 60", "hostname = \"\"", &["[net] hostname", "1 to 32"]),
+        ("idle_s = 60", "hostname = \"-a\"", &["[net] hostname"]),
+        ("idle_s = 60", "hostname = \"a.b\"", &["[net] hostname"]),
+        ("idle_s = 60", "hostname = \"0123456789abcdef0123456789abcdef0\"", &["8", "hostname"]),
     ];
     for (good, bad, expected) in cases {
         assert_eq!(GOOD.matches(good).count(), 1, "{good}");

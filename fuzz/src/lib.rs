@@ -1,6 +1,7 @@
 //! What the fuzz targets share.
 
 pub mod master;
+pub mod nor;
 pub mod visit;
 
 use std::time::Duration;

@@ -15,6 +15,7 @@ use puente::desk::{BusQueue, BusSpec, Desk};
 use puente::front::Gateway;
 use puente::port::{Door, Listener, Peer, Socket};
 use puente::settings::Settings;
+use puente::settings::keeper::{self, Source};
 use puente_line::{Duration, Instant};
 use puente_modbus::{Evidence, Outcome};
 
@@ -110,7 +111,7 @@ static DESK: Desk = Desk::new();
 
 /// The gateway of all visits, with the factory settings.
 fn gateway() -> &'static Gateway {
-    let settings: &Settings = Box::leak(Box::new(Settings::factory("sim")));
+    let settings: &Settings = Box::leak(Box::new(Settings::factory()));
     let buses = settings.buses.iter().map(|bus| BusSpec {
         units: bus.units,
         queue_timeout: Duration::from_secs(3),
@@ -126,7 +127,8 @@ fn gateway() -> &'static Gateway {
         registers: Default::default(),
     });
     let axes = Axes::new(&DESK, axes);
-    Box::leak(Box::new(Gateway::new(settings, &DESK, axes)))
+    let keeper = keeper::Keeper::new(Box::leak(Box::default()), Source::Factory, None, false);
+    Box::leak(Box::new(Gateway::new(settings, &DESK, axes, Box::leak(Box::new(keeper)))))
 }
 
 /// A bus without wire: each request is answered at once, with a plain reply or not at all.

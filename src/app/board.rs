@@ -1,47 +1,61 @@
 //! The firmware: settings, and two executors, one for the buses and one for the clients.
 
 use embassy_executor::Spawner;
-use static_cell::StaticCell;
 
-use super::{bus_task, front_task, lamps, line_settings, master, watch_task};
+use super::vital::feeder_task;
+use super::{InForce, bus_task, front_task, keeper_task, lamps, line_settings, master, watch_task};
+use crate::clock;
 use crate::front::Gateway;
 use crate::port::embedded::Address;
-use crate::port::{Board, Leds, Network, Place};
-use crate::settings::Settings;
-
-static SETTINGS: StaticCell<Settings> = StaticCell::new();
+use crate::port::record::Reset;
+use crate::port::{self, Board, Leds, Network, Place};
+use crate::settings::Net;
 
 /// Starts the gateway, whose tasks go on after this returns. Call it once, first of all.
 ///
 /// Neither this nor what it calls is inlined: each takes much of the stack for a moment, and not all at once.
 #[inline(never)]
 pub fn start(spawner: Spawner) {
-    let settings = SETTINGS.init_with(settings);
     let mut board = Board::start(spawner);
     log::info!("puente {}, MAC {:02x?}", env!("CARGO_PKG_VERSION"), board.mac);
-    let gateway = super::build(settings);
-    let whole = buses(gateway, &mut board);
-    clients(gateway, &board, spawner);
+    let InForce { settings, keeper, store } = super::settings(board.flash.take(), None, board.button);
+    let gateway = super::build(settings, keeper);
+    let failed = resume(gateway, board.moving);
+    let whole = buses(gateway, &mut board) && !failed;
+    clients(gateway, &board.network, spawner);
     let net = &gateway.settings.net;
-    board.join(spawner, address(), net.port, net.modbus_port);
-    let lamps = lamps_task(gateway, board.network(), board.leds, whole);
+    board.network.join(spawner, address(net), net.port, net.modbus_port);
+    if let Some(store) = store {
+        spawner.spawn(keeper_task(keeper, gateway.desk, store).expect("one keeper"));
+    }
+    spawner.spawn(feeder_task(gateway).expect("one feeder"));
+    let lamps = lamps_task(gateway, board.network, board.leds, whole);
     spawner.spawn(lamps.expect("the lamps are started once"));
 }
 
-/// How the board gets its address, until that can be set.
 #[inline(never)]
-fn address() -> Address {
-    let hostname = heapless::String::try_from("puente").unwrap_or_default();
-    Address { dhcp: true, ip: [192, 168, 1, 111], prefix: 24, router: None, hostname }
+fn address(net: &Net) -> Address {
+    Address {
+        dhcp: net.dhcp,
+        ip: net.address.address.octets(),
+        prefix: net.address.prefix,
+        router: net.router.map(|router| router.octets()),
+        hostname: net.hostname.clone(),
+    }
 }
 
-/// The settings of every start, until they can be kept in flash.
+/// Tells why the board has started, and has the axes stopped that may have moved when it was reset. True where the
+/// firmware had failed.
 #[inline(never)]
-fn settings() -> Settings {
-    let mut settings = Settings::factory("rs485-a");
-    settings.net.port = 80;
-    settings.net.modbus_port = 502;
-    settings
+fn resume(gateway: &Gateway, moving: u32) -> bool {
+    let Some(history) = port::history().filter(|history| history.cause != Reset::PowerOn) else {
+        return false;
+    };
+    log::warn!("started after {}", history.cause.name());
+    for (axis, _) in gateway.axes.iter().filter(|(axis, _)| moving >> axis & 1 != 0) {
+        gateway.desk.restarted(clock::now(), axis);
+    }
+    history.cause.is_failure()
 }
 
 /// The buses run above the clients, so that no client delays them. False where one of them does not run.
@@ -72,9 +86,9 @@ fn bus(gateway: &'static Gateway, board: &mut Board, index: u8) -> bool {
 }
 
 #[inline(never)]
-fn clients(gateway: &'static Gateway, board: &Board, spawner: Spawner) {
+fn clients(gateway: &'static Gateway, network: &Network, spawner: Spawner) {
     let net = &gateway.settings.net;
-    for (seat, place) in (0..).zip(board.places(net.port, net.modbus_port)) {
+    for (seat, place) in (0..).zip(network.places(net.port, net.modbus_port)) {
         client(gateway, spawner, seat, place);
     }
 }

@@ -8,19 +8,20 @@ use embassy_executor::Executor;
 use static_cell::StaticCell;
 
 use super::options::{Action, Options, USAGE};
-use super::{bus_task, front_task, line_settings, master, mode, watch_task};
+use super::{InForce, bus_task, front_task, keeper_task, line_settings, master, mode, watch_task};
 use crate::clock;
 use crate::front::Gateway;
-use crate::port::host::{Doors, LineSpec, exact_timers};
-use crate::port::{Line, Place, limits};
-use crate::settings::{Bus, Settings};
+use crate::port::host::{Doors, LineSpec, exact_timers, start_log};
+use crate::port::{Flash, Line, Place, limits};
+use crate::settings::store::Store;
+use crate::settings::{Bus, Problem, Settings, VERSION};
 
 /// How long the end of the program waits for the drives to confirm their stops.
 const FAREWELL: std::time::Duration = std::time::Duration::from_secs(5);
 
 /// Runs the gateway; comes back only where it does not start, or where it was asked for less.
 pub fn main() -> ExitCode {
-    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("info")).init();
+    start_log();
     let options = match Options::parse(lexopt::Parser::from_env()) {
         Ok(options) => options,
         Err(error) => return fail(format_args!("{error}; --help lists the options")),
@@ -30,17 +31,17 @@ pub fn main() -> ExitCode {
         Action::Version => return print(concat!("puente ", env!("CARGO_PKG_VERSION"), "\n")),
         Action::Run | Action::Check | Action::Print => {}
     }
-    let (settings, lines) = match load(&options) {
-        Ok(loaded) => loaded,
+    let base = match read(&options) {
+        Ok(base) => base,
         Err(error) => return fail(error),
     };
     match options.action {
         Action::Check => print("ok the settings are valid\n"),
-        Action::Print => match toml::to_string(&settings) {
+        Action::Print => match toml::to_string(&options.on(&base)) {
             Ok(text) => print(&text),
             Err(error) => fail(error),
         },
-        _ => run(settings, lines),
+        _ => run(&options, base),
     }
 }
 
@@ -56,27 +57,38 @@ fn fail(error: impl Display) -> ExitCode {
     ExitCode::FAILURE
 }
 
-/// The settings in force, and the line of each bus; nothing is opened yet.
-fn load(options: &Options) -> Result<(Settings, Vec<LineSpec>), String> {
-    let (mut settings, place) = match &options.config {
-        None => (Settings::factory("sim"), String::new()),
-        Some(path) => {
-            let text =
-                std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
-            let settings = toml::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?;
-            (settings, format!("{}: ", path.display()))
-        }
+/// The settings of the file, or those that are built in. With the options they hold.
+fn read(options: &Options) -> Result<Settings, String> {
+    let Some(path) = &options.config else {
+        let settings = Settings::factory();
+        return checked(options, &settings, "").map(|()| settings);
     };
-    settings.net.bind = options.bind.unwrap_or(settings.net.bind);
-    settings.net.port = options.port.unwrap_or(settings.net.port);
-    settings.net.modbus_port = options.modbus_port.unwrap_or(settings.net.modbus_port);
-    settings.check().map_err(|problem| format!("{place}{problem}"))?;
+    let place = format!("{}: ", path.display());
+    let text = std::fs::read_to_string(path).map_err(|error| format!("{place}{error}"))?;
+    let settings = toml::from_str(&text).map_err(|error| match version(&text) {
+        Some(version) if version != VERSION => format!("{place}{}", Problem::Version(version)),
+        _ => format!("{place}{error}"),
+    })?;
+    checked(options, &settings, &place).map(|()| settings)
+}
+
+/// The version that a text gives, whatever else is in it.
+fn version(text: &str) -> Option<u32> {
+    let table = text.parse::<toml::Table>().ok()?;
+    table.get("version")?.as_integer()?.try_into().ok()
+}
+
+fn checked(options: &Options, settings: &Settings, place: &str) -> Result<(), String> {
+    options.on(settings).check().map_err(|problem| format!("{place}{problem}"))
+}
+
+/// The line of each bus; nothing is opened yet.
+fn lines(settings: &Settings) -> Result<Vec<LineSpec>, String> {
     let line = |bus: &Bus| {
-        LineSpec::parse(&bus.port, line_settings(bus), || simulated(&settings, bus))
-            .map_err(|error| format!("{place}[[bus]] \"{}\" port: {error}", bus.name))
+        LineSpec::parse(&bus.port, line_settings(bus), || simulated(settings, bus))
+            .map_err(|error| format!("[[bus]] \"{}\" port: {error}", bus.name))
     };
-    let lines = settings.buses.iter().map(line).collect::<Result<_, _>>()?;
-    Ok((settings, lines))
+    settings.buses.iter().map(line).collect()
 }
 
 /// The cell behind a simulated bus: a drive for each of its axes.
@@ -86,9 +98,22 @@ fn simulated(settings: &Settings, bus: &Bus) -> puente_cell::Config {
     puente_cell::Config::new(mode(bus), line_settings(bus), &addresses)
 }
 
-fn run(settings: Settings, lines: Vec<LineSpec>) -> ExitCode {
+fn run(options: &Options, base: Settings) -> ExitCode {
     exact_timers();
-    let doors = match Doors::open(settings.net.bind, settings.net.port, settings.net.modbus_port) {
+    let flash = match options.flash.as_deref().map(|path| (path, Flash::open(path))) {
+        None => None,
+        Some((_, Ok(flash))) => Some(flash),
+        Some((path, Err(error))) => return fail(format_args!("{}: {error}", path.display())),
+    };
+    let base = options.config.as_ref().map(|_| &*Box::leak(Box::new(base)));
+    let InForce { settings, keeper, store } = super::settings(flash, base, false);
+    let lines = match lines(settings) {
+        Ok(lines) => lines,
+        Err(error) => return fail(error),
+    };
+    // The options go before the document, and are no part of it.
+    let net = options.on(settings).net;
+    let doors = match Doors::open(net.bind, net.port, net.modbus_port) {
         Ok(doors) => doors,
         Err(error) => return fail(error),
     };
@@ -96,7 +121,7 @@ fn run(settings: Settings, lines: Vec<LineSpec>) -> ExitCode {
         Ok(addresses) => addresses,
         Err(error) => return fail(error),
     };
-    let gateway = super::build(Box::leak(Box::new(settings)));
+    let gateway = super::build(settings, keeper);
     if let Err(error) = ctrlc::set_handler(move || end(gateway)) {
         return fail(error);
     }
@@ -104,7 +129,7 @@ fn run(settings: Settings, lines: Vec<LineSpec>) -> ExitCode {
     if print(&format!("ready http://{main} modbus-tcp://{modbus}\n")) == ExitCode::FAILURE {
         return fail("standard output is closed");
     }
-    clients(gateway, doors)
+    clients(gateway, store, doors)
 }
 
 /// Ctrl-C, SIGTERM or SIGHUP: stops the axes that are under a lease, then ends the program.
@@ -138,10 +163,13 @@ fn buses(gateway: &'static Gateway, lines: Vec<LineSpec>) -> ! {
 }
 
 /// The thread of the clients.
-fn clients(gateway: &'static Gateway, doors: Doors) -> ! {
+fn clients(gateway: &'static Gateway, store: Option<Store<Flash>>, doors: Doors) -> ! {
     static EXECUTOR: StaticCell<Executor> = StaticCell::new();
     let places = usize::from(gateway.settings.net.clients) + limits::SLOTS - limits::CLIENTS;
     EXECUTOR.init(Executor::new()).run(|spawner| {
+        if let Some(store) = store {
+            spawner.spawn(keeper_task(gateway.keeper, gateway.desk, store).expect("one task"));
+        }
         for seat in 0..places.min(limits::SLOTS) {
             spawner.spawn(front_task(gateway, seat as u8, Place(doors.clone())).expect("one task a place"));
         }

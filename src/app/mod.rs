@@ -7,24 +7,87 @@ pub mod host;
 pub mod lamps;
 #[cfg(not(target_os = "none"))]
 mod options;
+#[cfg(target_os = "none")]
+mod vital;
 
+use embassy_futures::block_on;
 use puente_line::Duration;
 use puente_modbus::{Config, Echo, Mode};
-use static_cell::StaticCell;
+use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::axis::{Axes, AxisSpec};
 use crate::bus;
+use crate::clock;
 use crate::desk::{BusQueue, BusSpec, Desk};
 use crate::front::{self, Gateway};
-use crate::port::{Line, Place, limits};
+use crate::port::{Flash, Line, Place, limits};
+use crate::settings::keeper::{self, Form, Keeper, Source};
+use crate::settings::store::{Start, Store};
 use crate::settings::{self, Settings};
 
 static DESK: Desk = Desk::new();
+static FORM: ConstStaticCell<Form> = ConstStaticCell::new(Form::new());
+static SETTINGS: StaticCell<Settings> = StaticCell::new();
+static KEEPER: StaticCell<Keeper> = StaticCell::new();
 static GATEWAY: StaticCell<Gateway> = StaticCell::new();
+
+/// The settings in force, and who changes them.
+pub struct InForce {
+    /// The settings.
+    pub settings: &'static Settings,
+    /// Who changes them,
+    pub keeper: &'static Keeper,
+    /// and where, if anywhere.
+    pub store: Option<Store<Flash>>,
+}
+
+/// Finds the settings: those in flash, or else `base`, or else what is built in. Where `reset`, those in flash are
+/// forgotten. Call it once.
+#[inline(never)]
+pub fn settings(flash: Option<Flash>, base: Option<&'static Settings>, reset: bool) -> InForce {
+    let form = FORM.take();
+    let settings = SETTINGS.init_with(Settings::factory);
+    let (store, start) = flash.map(|flash| block_on(open(flash, form.buffer(), settings, reset))).unzip();
+    let Start { stored, on_trial } = start.unwrap_or(Start { stored: false, on_trial: false });
+    let source = match base {
+        _ if stored => Source::Flash,
+        Some(base) => {
+            settings.clone_from(base);
+            Source::File
+        }
+        None => {
+            *settings = Settings::factory();
+            Source::Factory
+        }
+    };
+    let keeper = KEEPER.init_with(|| Keeper::new(form, source, base, store.is_some()));
+    log::info!("settings: {}{}", source.name(), if on_trial { ", on trial" } else { "" });
+    if on_trial {
+        keeper.try_out(clock::now());
+    }
+    InForce { settings, keeper, store }
+}
+
+async fn open(
+    flash: Flash,
+    buffer: &mut [u8],
+    settings: &mut Settings,
+    reset: bool,
+) -> (Store<Flash>, Start) {
+    let (mut store, start) = Store::open(flash, buffer, settings).await;
+    if !reset {
+        return (store, start);
+    }
+    match store.put(buffer, None).await {
+        Ok(()) => log::warn!("the button is held: back to the factory settings"),
+        Err(error) => log::error!("the button is held, but the factory settings cannot be kept: {error:?}"),
+    }
+    (store, Start { stored: false, on_trial: false })
+}
 
 /// Builds the gateway; once a process. The settings must have passed [`Settings::check`].
 #[inline(never)]
-pub fn build(settings: &'static Settings) -> &'static Gateway {
+pub fn build(settings: &'static Settings, keeper: &'static Keeper) -> &'static Gateway {
     let buses = settings.buses.iter().map(|bus| BusSpec {
         units: bus.units,
         queue_timeout: millis(bus.queue_timeout_ms),
@@ -40,7 +103,7 @@ pub fn build(settings: &'static Settings) -> &'static Gateway {
         registers: axis.registers,
     });
     let axes = Axes::new(&DESK, axes);
-    GATEWAY.init_with(|| Gateway::new(settings, &DESK, axes))
+    GATEWAY.init_with(|| Gateway::new(settings, &DESK, axes, keeper))
 }
 
 fn millis(ms: u32) -> Duration {
@@ -96,6 +159,12 @@ pub async fn bus_task(desk: &'static Desk, bus: u8, mut line: Line, master: Conf
 #[embassy_executor::task(pool_size = limits::AXES)]
 pub async fn watch_task(gateway: &'static Gateway, axis: u8) -> ! {
     gateway.axes.watch(axis).await
+}
+
+/// Changes the settings.
+#[embassy_executor::task]
+pub async fn keeper_task(keeper: &'static Keeper, desk: &'static Desk, store: Store<Flash>) -> ! {
+    keeper::keep(keeper, desk, store).await
 }
 
 /// Serves one place for clients.

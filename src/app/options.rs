@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use lexopt::prelude::*;
 
+use crate::settings::Settings;
+
 pub(super) const USAGE: &str = "\
 puente gateway: any TCP client to servo drives
 
@@ -14,6 +16,8 @@ Without options it starts with a simulated cell: bus a, three EDB drives, axes x
 
 Options:
   --config FILE       settings, in TOML (docs/configuration.md)
+  --flash FILE        keeps the settings that clients put in this file, made where there is none;
+                      --config is then what an empty one stands for
   --bind ADDR         address to listen on
   --port N            TCP port of every dialect; 0 takes a free one
   --modbus-port N     TCP port of Modbus/TCP alone; 0 takes a free one
@@ -27,6 +31,7 @@ Options:
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Options {
     pub config: Option<PathBuf>,
+    pub flash: Option<PathBuf>,
     pub bind: Option<Ipv4Addr>,
     pub port: Option<u16>,
     pub modbus_port: Option<u16>,
@@ -50,6 +55,7 @@ impl Options {
         while let Some(argument) = arguments.next()? {
             match argument {
                 Long("config") => options.config = Some(arguments.value()?.into()),
+                Long("flash") => options.flash = Some(arguments.value()?.into()),
                 Long("bind") => options.bind = Some(arguments.value()?.parse()?),
                 Long("port") => options.port = Some(arguments.value()?.parse()?),
                 Long("modbus-port") => options.modbus_port = Some(arguments.value()?.parse()?),
@@ -61,6 +67,15 @@ impl Options {
             }
         }
         Ok(options)
+    }
+
+    /// Settings as these options change them.
+    pub(super) fn on(&self, settings: &Settings) -> Settings {
+        let mut settings = settings.clone();
+        settings.net.bind = self.bind.unwrap_or(settings.net.bind);
+        settings.net.port = self.port.unwrap_or(settings.net.port);
+        settings.net.modbus_port = self.modbus_port.unwrap_or(settings.net.modbus_port);
+        settings
     }
 }
 

@@ -59,14 +59,14 @@ impl fmt::Display for AxisError {
                 write!(
                     f,
                     "{holder} commands this axis, for {} ms unless it goes on; stop is allowed",
-                    left.as_millis()
+                    puente_line::millis(*left)
                 )
             }
             AxisError::Leased(Leased::Standstill(left)) => {
                 write!(
                     f,
                     "somebody else stopped this axis; give no motion command for {} ms",
-                    left.as_millis()
+                    puente_line::millis(*left)
                 )
             }
             AxisError::Leased(Leased::Stopping) => {

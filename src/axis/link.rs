@@ -25,7 +25,7 @@ pub(super) struct Link<'a> {
 
 impl<'a> Link<'a> {
     fn submit(&self, class: Class, request: &Request<'_>) -> Result<Pending<'a>, AxisError> {
-        let order = Order { seat: self.seat, bus: self.bus, unit: self.unit, class, pdu: request.emit() };
+        let order = Order { seat: self.seat, bus: self.bus, unit: self.unit, class, pdu: &request.emit() };
         Ok(self.desk.submit(clock::now(), order)?)
     }
 

@@ -30,6 +30,8 @@ type Turn = embassy_sync::mutex::Mutex<CriticalSectionRawMutex, ()>;
 
 /// So many stops without confirmation are told, and repeated soon; then more slowly.
 const STOP_ATTEMPTS: u32 = 10;
+/// Speed of a motor at rest, at most, in r/min: what is measured of a servo that holds its position may flicker.
+const STANDSTILL_RPM: u16 = 1;
 
 /// What the configuration says of an axis.
 #[derive(Clone, Debug)]
@@ -279,6 +281,19 @@ impl Axes {
         result
     }
 
+    /// Whether the motor of any axis turns, by its drive's own word. A drive that does not answer has no part in it:
+    /// what this gateway has set in motion is under a lease, or is being stopped.
+    pub async fn turning(&self, by: Commander) -> bool {
+        for (id, _) in self.iter() {
+            if let Ok(snapshot) = self.status(id, by, Duration::ZERO).await
+                && snapshot.monitor.speed_feedback.unsigned_abs() > STANDSTILL_RPM
+            {
+                return true;
+            }
+        }
+        false
+    }
+
     /// Reads a parameter.
     pub async fn parameter(&self, id: u8, by: Commander, parameter: Parameter) -> Result<u16, AxisError> {
         let axis = self.get(id)?;
@@ -345,7 +360,7 @@ impl Axes {
                     log::error!("axis {name}: {}, still trying", Cause::StopUnconfirmed.name());
                 }
                 let pause = stop_pause(clock::now().since(begun), failed);
-                embassy_time::Timer::after_micros(pause.as_micros() as u64).await;
+                embassy_time::Timer::after_micros(puente_line::micros(pause)).await;
             }
         }
     }

@@ -5,7 +5,7 @@
 pub mod modbus;
 
 use puente_line::Instant;
-use puente_modbus::{Outcome, Pdu};
+use puente_modbus::Outcome;
 
 /// One request for the wire.
 pub struct Job {
@@ -15,8 +15,6 @@ pub struct Job {
     pub unit: u8,
     /// What it need not wait for.
     pub haste: Haste,
-    /// Function code and data.
-    pub pdu: Pdu,
 }
 
 /// What a job need not wait for.
@@ -33,7 +31,6 @@ pub enum Haste {
 pub struct Ticket(pub u16);
 
 /// What there is to do.
-#[allow(clippy::large_enum_variant, reason = "there is no heap, and it lives for a moment")]
 pub enum Next {
     /// Send this.
     Job(Job),
@@ -55,10 +52,14 @@ pub enum End<'a> {
 pub trait Work {
     /// The next job whose unit may be addressed at `now`; `ready_at` tells from when on a unit may be.
     fn next(&self, now: Instant, ready_at: impl Fn(u8, Haste) -> Instant) -> Next;
+    /// Shows the function code and data of a job.
+    fn request<R>(&self, ticket: Ticket, f: impl FnOnce(&[u8]) -> R) -> R;
     /// Resolves when a job was added since the last call.
     async fn changed(&self);
     /// A job has ended.
     fn finish(&self, now: Instant, ticket: Ticket, end: End<'_>);
     /// What the master has counted so far.
     fn counted(&self, counters: puente_modbus::Counters);
+    /// A sign of life: the pump gives the next one before `until`, or it hangs.
+    fn alive(&self, until: Instant);
 }

@@ -6,6 +6,7 @@
 //! is queued without bound, nothing is sent twice, and what is dropped before it was sent never is.
 
 mod breaker;
+mod duty;
 mod lease;
 mod pending;
 mod queue;
@@ -20,13 +21,14 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use heapless::Vec;
 use puente_line::{Duration, Instant};
-use puente_modbus::{Evidence, Pdu};
+use puente_modbus::Evidence;
 
-pub use lease::{Cause, Duty, Event, Holder, Leased, Permit};
+pub use duty::Duty;
+pub use lease::{Cause, Event, Holder, Leased, Permit};
 pub use pending::Pending;
 pub use queue::BusQueue;
 pub use route::Units;
-pub use statistics::{BUCKETS_MS, Statistics};
+pub use statistics::{BUCKETS_MS, Statistics, Traffic};
 
 use crate::port::limits::{AXES, BUSES, TICKETS};
 
@@ -72,7 +74,11 @@ impl fmt::Display for Reason {
             Reason::QueueFull => f.write_str("too many requests are waiting"),
             Reason::Expired => f.write_str("it waited too long for its turn on the bus"),
             Reason::Resting(left) => {
-                write!(f, "the slave did not answer lately and is tried again in {} ms", left.as_millis())
+                write!(
+                    f,
+                    "the slave did not answer lately and is tried again in {} ms",
+                    puente_line::millis(*left)
+                )
             }
             Reason::Stopped => f.write_str("a stop or the end of the lease came first"),
             Reason::LineDown => f.write_str("the port of the bus failed"),
@@ -97,7 +103,7 @@ pub enum Class {
 }
 
 /// A request for a bus.
-pub struct Order {
+pub struct Order<'a> {
     /// The client's place, for a fair order.
     pub seat: u8,
     /// Index of the bus.
@@ -107,7 +113,7 @@ pub struct Order {
     /// What it may do.
     pub class: Class,
     /// Function code and data.
-    pub pdu: Pdu,
+    pub pdu: &'a [u8],
 }
 
 /// What the desk has to know of a bus.
@@ -128,15 +134,15 @@ struct Bus {
     last_seat: u8,
     /// The last request but for stops was a [`Class::Motion`].
     last_moved: bool,
+    /// Before this moment its pump gives the next sign of life; none until the first.
+    alive_until: Option<Instant>,
 }
 
 struct State {
     queue: queue::Queue,
     buses: Vec<Bus, BUSES>,
-    leases: [lease::AxisLease; AXES],
+    leases: Vec<lease::AxisLease, AXES>,
     lease_time: Duration,
-    /// No lease is given any more.
-    closed: bool,
 }
 
 /// The desk. One for the whole gateway, shared by every task.
@@ -153,15 +159,14 @@ impl Default for Desk {
 }
 
 impl Desk {
-    /// A desk without buses, for a static.
+    /// A desk without buses, for a static. It is all zeros, which take no flash.
     pub const fn new() -> Self {
         Self {
             state: Mutex::new(RefCell::new(State {
                 queue: queue::Queue::new(),
                 buses: Vec::new(),
-                leases: [const { lease::AxisLease::new() }; AXES],
+                leases: Vec::new(),
                 lease_time: Duration::ZERO,
-                closed: false,
             })),
             work: [const { Signal::new() }; BUSES],
             leases_changed: [const { Signal::new() }; AXES],
@@ -172,11 +177,14 @@ impl Desk {
     pub fn configure(&self, specs: impl IntoIterator<Item = BusSpec>, lease_time: Duration) {
         self.with(|state| {
             state.lease_time = lease_time;
+            state.leases = core::iter::repeat_with(lease::AxisLease::new).take(AXES).collect();
             for spec in specs.into_iter().take(BUSES) {
                 let breaker = breaker::Breaker::new(spec.reply_timeout);
                 // There is room: no more than BUSES are taken.
                 let statistics = Statistics::default();
-                let _ = state.buses.push(Bus { spec, breaker, statistics, last_seat: 0, last_moved: false });
+                let bus =
+                    Bus { spec, breaker, statistics, last_seat: 0, last_moved: false, alive_until: None };
+                let _ = state.buses.push(bus);
             }
         });
     }
@@ -204,18 +212,33 @@ impl Desk {
         })
     }
 
+    /// The buses at a glance.
+    pub fn traffic(&self) -> Traffic {
+        self.with(|state| {
+            let resting = state.buses.iter().any(|bus| bus.breaker.resting() > 0);
+            let on_line = state.buses.iter().map(|bus| bus.statistics.on_line());
+            Traffic { transactions: on_line.fold(0, u32::wrapping_add), resting }
+        })
+    }
+
+    /// A bus whose pump has not given the sign of life that it owes, if there is one: it hangs.
+    pub fn hung(&self, now: Instant) -> Option<u8> {
+        let late = |bus: &Bus| bus.alive_until.is_some_and(|until| until < now);
+        self.with(|state| state.buses.iter().position(late)).map(|index| index as u8)
+    }
+
     /// Places of the queue that are in use, and how many there are.
     pub fn tickets(&self) -> (usize, usize) {
         (self.with(|state| state.queue.used()), TICKETS)
     }
 
     /// Queues a request. It is answered, or dropped, within the bus's queue time-out plus one transaction.
-    pub fn submit(&self, now: Instant, order: Order) -> Result<Pending<'_>, Failure> {
+    pub fn submit(&self, now: Instant, order: Order<'_>) -> Result<Pending<'_>, Failure> {
         let bus = usize::from(order.bus);
         let ticket = self.with(|state| {
             let found = state.buses.get_mut(bus).ok_or(Reason::Unmapped)?;
             let deadline = now + found.spec.queue_timeout;
-            let ticket = state.queue.insert(order, now, deadline);
+            let ticket = state.queue.insert(&order, now, deadline);
             found.statistics.submitted += 1;
             if ticket.is_none() {
                 found.statistics.not_sent(Reason::QueueFull);

@@ -3,6 +3,7 @@
 use core::task::Waker;
 
 use embassy_sync::waitqueue::WakerRegistration;
+use heapless::Vec;
 use puente_line::Instant;
 use puente_modbus::request::Request;
 use puente_modbus::{Outcome, Pdu};
@@ -25,7 +26,12 @@ struct Entry {
     phase: Phase,
     /// Nobody waits for the answer any more.
     abandoned: bool,
-    order: Order,
+    seat: u8,
+    bus: u8,
+    unit: u8,
+    class: Class,
+    /// The request, or its reply.
+    pdu: Pdu,
     /// Order of arrival.
     serial: u32,
     arrived: Instant,
@@ -38,12 +44,25 @@ impl Entry {
         Self {
             phase: Phase::Free,
             abandoned: false,
-            order: Order { seat: 0, bus: 0, unit: 0, class: Class::Free, pdu: Pdu::new() },
+            seat: 0,
+            bus: 0,
+            unit: 0,
+            class: Class::Free,
+            pdu: Pdu::new(),
             serial: 0,
             arrived: Instant::ZERO,
             deadline: Instant::ZERO,
             waker: WakerRegistration::new(),
         }
+    }
+
+    /// A stop goes out in the quarantine of its slave too, where its reply repeats all of it: no late reply can be taken
+    /// for that, but one to the same stop. Function 10h does not repeat its values.
+    fn haste(&self) -> Haste {
+        use puente_modbus::request::Request::{MaskWriteRegister, WriteSingleRegister};
+        let repeats =
+            || matches!(Request::parse(&self.pdu), Ok(WriteSingleRegister { .. } | MaskWriteRegister { .. }));
+        if self.class == Class::Stop && repeats() { Haste::InQuarantineToo } else { Haste::None }
     }
 
     fn answer(&mut self, result: Result<(), Failure>) {
@@ -52,14 +71,15 @@ impl Entry {
     }
 }
 
+/// Empty at first, so that a static one takes no flash.
 pub(super) struct Queue {
-    entries: [Entry; TICKETS],
+    entries: Vec<Entry, TICKETS>,
     serial: u32,
 }
 
 impl Queue {
     pub(super) const fn new() -> Self {
-        Self { entries: [const { Entry::free() }; TICKETS], serial: 0 }
+        Self { entries: Vec::new(), serial: 0 }
     }
 
     pub(super) fn used(&self) -> usize {
@@ -67,25 +87,39 @@ impl Queue {
     }
 
     pub(super) fn waiting(&self, bus: u8) -> usize {
-        self.entries.iter().filter(|e| matches!(e.phase, Phase::Queued) && e.order.bus == bus).count()
+        self.entries.iter().filter(|e| matches!(e.phase, Phase::Queued) && e.bus == bus).count()
     }
 
     /// Takes a request in, or none where the pool or this client's share of it is full.
-    pub(super) fn insert(&mut self, order: Order, arrived: Instant, deadline: Instant) -> Option<Ticket> {
+    pub(super) fn insert(
+        &mut self,
+        order: &Order<'_>,
+        arrived: Instant,
+        deadline: Instant,
+    ) -> Option<Ticket> {
         if order.class != Class::Stop {
-            let of_seat = |e: &&Entry| !matches!(e.phase, Phase::Free) && e.order.seat == order.seat;
+            let of_seat = |e: &&Entry| !matches!(e.phase, Phase::Free) && e.seat == order.seat;
             if self.entries.iter().filter(of_seat).count() >= PIPELINE
                 || self.used() + STOP_RESERVE >= TICKETS
             {
                 return None;
             }
         }
-        let index = self.entries.iter().position(|entry| matches!(entry.phase, Phase::Free))?;
+        let free = self.entries.iter().position(|entry| matches!(entry.phase, Phase::Free));
+        let index = free.unwrap_or(self.entries.len());
+        if free.is_none() {
+            self.entries.push(Entry::free()).ok()?;
+        }
         let entry = self.entries.get_mut(index)?;
+        entry.pdu.clear();
+        entry.pdu.extend_from_slice(order.pdu).ok()?;
+        entry.phase = Phase::Queued;
+        entry.abandoned = false;
+        (entry.seat, entry.bus, entry.unit, entry.class) = (order.seat, order.bus, order.unit, order.class);
+        (entry.arrived, entry.deadline) = (arrived, deadline);
         self.serial = self.serial.wrapping_add(1);
-        let serial = self.serial;
-        let waker = WakerRegistration::new();
-        *entry = Entry { phase: Phase::Queued, abandoned: false, order, serial, arrived, deadline, waker };
+        entry.serial = self.serial;
+        entry.waker = WakerRegistration::new();
         Some(Ticket(index as u16))
     }
 
@@ -102,7 +136,7 @@ impl Queue {
             return None;
         };
         entry.phase = Phase::Free;
-        Some(f(result.map(|()| entry.order.pdu.as_slice())))
+        Some(f(result.map(|()| entry.pdu.as_slice())))
     }
 
     /// Nobody waits for this request any more.
@@ -110,7 +144,7 @@ impl Queue {
         if let Some(entry) = self.entries.get_mut(usize::from(ticket.0)) {
             match entry.phase {
                 Phase::OnWire => entry.abandoned = true,
-                Phase::Queued if entry.order.class == Class::Stop => entry.abandoned = true,
+                Phase::Queued if entry.class == Class::Stop => entry.abandoned = true,
                 Phase::Free | Phase::Queued | Phase::Answered(_) => entry.phase = Phase::Free,
             }
         }
@@ -120,15 +154,6 @@ impl Queue {
 /// How many seats `seat` comes after the one served last: the lower, the sooner its turn.
 fn distance(seat: u8, last: u8) -> u8 {
     seat.wrapping_sub(last).wrapping_sub(1)
-}
-
-/// A stop goes out in the quarantine of its slave too, where its reply repeats all of it: no late reply can be taken for
-/// that, but one to the same stop. Function 10h does not repeat its values.
-fn haste(order: &Order) -> Haste {
-    use puente_modbus::request::Request::{MaskWriteRegister, WriteSingleRegister};
-    let repeated =
-        matches!(Request::parse(&order.pdu), Ok(WriteSingleRegister { .. } | MaskWriteRegister { .. }));
-    if order.class == Class::Stop && repeated { Haste::InQuarantineToo } else { Haste::None }
 }
 
 /// The desk as one bus sees it.
@@ -148,10 +173,10 @@ impl Work for BusQueue<'_> {
             let mut wake: Option<Instant> = None;
             let mut best: Option<((bool, bool, u8, u32), usize)> = None;
             for (index, entry) in state.queue.entries.iter_mut().enumerate() {
-                if !matches!(entry.phase, Phase::Queued) || entry.order.bus != self.bus {
+                if !matches!(entry.phase, Phase::Queued) || entry.bus != self.bus {
                     continue;
                 }
-                let refusal = match entry.order.class {
+                let refusal = match entry.class {
                     Class::Stop => None,
                     _ if entry.deadline <= now => Some(Reason::Expired),
                     Class::Probe => None,
@@ -159,7 +184,7 @@ impl Work for BusQueue<'_> {
                         Some(Reason::Stopped)
                     }
                     Class::Motion(_) | Class::Guarded(_) | Class::Free => {
-                        bus.breaker.rest(entry.order.unit, now).map(Reason::Resting)
+                        bus.breaker.rest(entry.unit, now).map(Reason::Resting)
                     }
                 };
                 if let Some(reason) = refusal {
@@ -167,17 +192,17 @@ impl Work for BusQueue<'_> {
                     entry.answer(Err(Failure::NotSent(reason)));
                     continue;
                 }
-                let ready = ready_at(entry.order.unit, haste(&entry.order));
+                let ready = ready_at(entry.unit, entry.haste());
                 if ready > now {
                     let moment = ready.min(entry.deadline);
                     wake = Some(wake.map_or(moment, |wake| wake.min(moment)));
                     continue;
                 }
-                let moves = matches!(entry.order.class, Class::Motion(_));
+                let moves = matches!(entry.class, Class::Motion(_));
                 let rank = (
-                    entry.order.class != Class::Stop,
+                    entry.class != Class::Stop,
                     moves == bus.last_moved,
-                    distance(entry.order.seat, bus.last_seat),
+                    distance(entry.seat, bus.last_seat),
                     entry.serial,
                 );
                 if best.is_none_or(|(other, _)| rank < other) {
@@ -189,16 +214,18 @@ impl Work for BusQueue<'_> {
                 return Next::Wait(wake);
             };
             entry.phase = Phase::OnWire;
-            if entry.order.class != Class::Stop {
-                bus.last_seat = entry.order.seat;
-                bus.last_moved = matches!(entry.order.class, Class::Motion(_));
+            if entry.class != Class::Stop {
+                bus.last_seat = entry.seat;
+                bus.last_moved = matches!(entry.class, Class::Motion(_));
             }
-            Next::Job(Job {
-                ticket: Ticket(index as u16),
-                unit: entry.order.unit,
-                haste: haste(&entry.order),
-                pdu: entry.order.pdu.clone(),
-            })
+            Next::Job(Job { ticket: Ticket(index as u16), unit: entry.unit, haste: entry.haste() })
+        })
+    }
+
+    fn request<R>(&self, ticket: Ticket, f: impl FnOnce(&[u8]) -> R) -> R {
+        self.desk.with(|state| {
+            let entry = state.queue.entries.get(usize::from(ticket.0));
+            f(entry.map_or(&[], |entry| entry.pdu.as_slice()))
         })
     }
 
@@ -218,20 +245,20 @@ impl Work for BusQueue<'_> {
             };
             let result = match end {
                 End::Master(Outcome::Reply(reply)) => {
-                    bus.breaker.answered(entry.order.unit);
+                    bus.breaker.answered(entry.unit);
                     bus.statistics.answered(now.since(entry.arrived), reply);
-                    entry.order.pdu.clear();
+                    entry.pdu.clear();
                     // A reply PDU is at most MAX_PDU bytes: the master bounds it.
-                    let _ = entry.order.pdu.extend_from_slice(reply);
+                    let _ = entry.pdu.extend_from_slice(reply);
                     Ok(())
                 }
                 End::Master(Outcome::Broadcast) => {
                     bus.statistics.broadcasts += 1;
-                    entry.order.pdu.clear();
+                    entry.pdu.clear();
                     Ok(())
                 }
                 End::Master(Outcome::NoReply(evidence)) => {
-                    bus.breaker.missed(entry.order.unit, now);
+                    bus.breaker.missed(entry.unit, now);
                     bus.statistics.no_reply += 1;
                     Err(Failure::NoReply(evidence))
                 }
@@ -245,6 +272,14 @@ impl Work for BusQueue<'_> {
                 }
             };
             entry.answer(result);
+        });
+    }
+
+    fn alive(&self, until: Instant) {
+        self.desk.with(|state| {
+            if let Some(bus) = state.buses.get_mut(usize::from(self.bus)) {
+                bus.alive_until = Some(until);
+            }
         });
     }
 

@@ -43,13 +43,27 @@ pub struct Statistics {
     pub line: Counters,
 }
 
+/// The buses at a glance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Traffic {
+    /// Requests that were on a line, modulo 2^32.
+    pub transactions: u32,
+    /// A slave is out of order.
+    pub resting: bool,
+}
+
 impl Statistics {
+    /// Requests that were on the line, modulo 2^32.
+    pub(super) fn on_line(&self) -> u32 {
+        self.confirmed.wrapping_add(self.broadcasts).wrapping_add(self.no_reply)
+    }
+
     pub(super) fn answered(&mut self, latency: Duration, reply: &[u8]) {
         self.confirmed += 1;
         if reply.first().is_some_and(|function| function & 0x80 != 0) {
             self.exceptions += 1;
         }
-        self.latency_sum_us += latency.as_micros() as u64;
+        self.latency_sum_us += puente_line::micros(latency);
         let bucket = BUCKETS_MS.iter().position(|ms| latency <= Duration::from_millis(u64::from(*ms)));
         if let Some(count) = self.latency.get_mut(bucket.unwrap_or(BUCKETS_MS.len())) {
             *count += 1;

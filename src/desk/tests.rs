@@ -25,18 +25,20 @@ fn at(millis: u64) -> Instant {
     Instant::from_millis(millis)
 }
 
-fn order(seat: u8, unit: u8, class: Class) -> Order {
-    Order { seat, bus: 0, unit, class, pdu: Pdu::from_slice(&[3, 0, seat, 0, 1]).expect("short") }
+/// A request whose PDU tells the seat.
+fn order(seat: u8, unit: u8, class: Class) -> Order<'static> {
+    Order { seat, bus: 0, unit, class, pdu: Box::leak(Box::new([3, 0, seat, 0, 1])) }
 }
 
-fn submit(desk: &Desk, now: Instant, order: Order) -> Pending<'_> {
+fn submit<'d>(desk: &'d Desk, now: Instant, order: Order<'_>) -> Pending<'d> {
     desk.submit(now, order).unwrap_or_else(|failure| panic!("{failure}"))
 }
 
 /// The next job for the bus, by ticket and the seat in its PDU.
 fn next(desk: &Desk, now: Instant) -> Option<(Ticket, u8)> {
-    match (BusQueue { desk, bus: 0 }).next(now, |_, _| Instant::ZERO) {
-        Next::Job(job) => Some((job.ticket, *job.pdu.get(2).expect("seat"))),
+    let queue = BusQueue { desk, bus: 0 };
+    match queue.next(now, |_, _| Instant::ZERO) {
+        Next::Job(job) => Some((job.ticket, queue.request(job.ticket, |pdu| *pdu.get(2).expect("seat")))),
         Next::Wait(_) => None,
     }
 }
@@ -155,13 +157,15 @@ fn a_stop_goes_out_in_the_quarantine_of_its_slave() {
     let ready = |_, haste| if haste == Haste::InQuarantineToo { Instant::ZERO } else { at(500) };
     let queue = BusQueue { desk: &desk, bus: 0 };
     let write = |value| Pdu::from_slice(&[6, 0x10, 0x24, 0, value]).expect("short");
-    let _write = submit(&desk, at(0), Order { pdu: write(1), ..order(0, 1, Class::Free) });
+    let _write = submit(&desk, at(0), Order { pdu: &write(1), ..order(0, 1, Class::Free) });
     // The reply to a jog with function 10h would pass for the reply to this stop.
-    let pdu = Pdu::from_slice(&[0x10, 0x10, 0x24, 0, 1, 2, 0, 0]).expect("short");
+    let pdu = &[0x10, 0x10, 0x24, 0, 1, 2, 0, 0];
     let _not_repeated = submit(&desk, at(0), Order { pdu, ..order(0, 1, Class::Stop) });
     assert!(matches!(queue.next(at(1), ready), Next::Wait(_)));
-    let _stop = submit(&desk, at(0), Order { pdu: write(0), ..order(0, 1, Class::Stop) });
-    assert!(matches!(queue.next(at(1), ready), Next::Job(job) if job.pdu == write(0)));
+    let _stop = submit(&desk, at(0), Order { pdu: &write(0), ..order(0, 1, Class::Stop) });
+    assert!(
+        matches!(queue.next(at(1), ready), Next::Job(job) if queue.request(job.ticket, |pdu| pdu == write(0)))
+    );
 }
 
 #[test]
@@ -385,6 +389,53 @@ fn a_stop_of_one_direction_by_another_stops_the_axis_altogether() {
     assert_eq!(desk.event(0).map(|event| event.cause), Some(Cause::Stopped));
     desk.revoke(at(2), 0, Holder::Gateway).done();
     assert!(matches!(desk.lease(at(3), 0, ME, None), Err(Leased::Standstill(_))));
+}
+
+/// What the port was told of axis 0.
+fn may_move(desk: &Desk) -> bool {
+    desk.with(|state| state.leases.first().is_some_and(lease::AxisLease::may_move))
+}
+
+#[test]
+fn an_axis_may_move_from_its_lease_until_its_stop_is_confirmed() {
+    let desk = desk();
+    assert!(!may_move(&desk));
+    let permit = desk.lease(at(0), 0, ME, None).expect("free");
+    assert!(may_move(&desk), "before anything is sent");
+    desk.unlease(permit);
+    assert!(!may_move(&desk));
+
+    let (desk, _) = turning();
+    desk.leave(at(1), 1);
+    assert!(may_move(&desk));
+    drop(desk.revoke(at(2), 0, Holder::Gateway));
+    assert!(may_move(&desk), "not confirmed");
+    desk.revoke(at(3), 0, Holder::Gateway).done();
+    assert!(!may_move(&desk));
+}
+
+#[test]
+fn after_a_restart_an_axis_is_stopped_before_anybody_has_it() {
+    let desk = desk();
+    desk.restarted(at(0), 0);
+    assert!(desk.owes(0) && !desk.owes(1) && may_move(&desk));
+    assert_eq!(desk.lease(at(1), 0, ME, None), Err(Leased::Stopping));
+    assert_eq!(desk.event(0).map(|event| event.cause), Some(Cause::Restarted));
+    desk.revoke(at(2), 0, Holder::Gateway).done();
+    assert!(!may_move(&desk) && desk.lease(at(3), 0, ME, None).is_ok());
+    assert_eq!(desk.event(0).map(|event| event.cause), Some(Cause::Restarted), "it stays until cleared");
+}
+
+#[test]
+fn a_bus_that_breaks_its_word_hangs() {
+    let desk = desk();
+    let bus = BusQueue { desk: &desk, bus: 0 };
+    assert_eq!(desk.hung(at(1_000_000)), None, "it was never started");
+    bus.alive(at(500));
+    assert_eq!(desk.hung(at(500)), None);
+    assert_eq!(desk.hung(at(501)), Some(0));
+    bus.alive(at(900));
+    assert_eq!(desk.hung(at(501)), None);
 }
 
 #[test]

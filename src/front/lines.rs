@@ -21,8 +21,16 @@ pub(super) type Reply = String<560>;
 enum Task<'g> {
     Console(console::Task),
     Modbus(modbus_ascii::Task<'g>),
-    /// Nothing is left to do but to send the reply.
+}
+
+/// How far the next line has come.
+enum Line<'g> {
+    /// It asks for this.
+    Task(Task<'g>),
+    /// It has been read. Nothing is left to do but to send the reply, if there is any.
     Done,
+    /// It is still to arrive.
+    Awaited,
 }
 
 pub(super) async fn serve<R: Read, W: Write>(
@@ -33,88 +41,98 @@ pub(super) async fn serve<R: Read, W: Write>(
 ) -> End {
     // The rest of a line that was too long is dropped.
     let mut skipping = false;
-    let mut reply = Reply::new();
     loop {
-        reply.clear();
-        let mut line = take_line(gateway, guest, inbox, &mut skipping, &mut reply);
-        match &mut line {
-            Some(task) => {
-                if let Err(end) = carry_out(gateway, guest, inbox, task, &mut reply).await {
-                    return end;
-                }
-            }
-            None if inbox.ended() => return End::Closed,
-            None => match with_timeout(idle(gateway), inbox.fill()).await {
-                Ok(Ok(())) => continue,
-                Ok(Err(end)) => return end,
-                Err(_) => return End::Idle,
-            },
-        }
-        if !reply.is_empty()
-            && let Err(end) = send(writer, reply.as_bytes()).await
-        {
+        let served = serve_line(gateway, guest, inbox, writer, &mut skipping).await;
+        if let Err(end) = served {
             return end;
         }
     }
 }
 
+/// Serves one line, or waits for more of it. A reply and what a command waits for are never there at once: they share
+/// their room, of which every place for a client has one.
+async fn serve_line<R: Read, W: Write>(
+    gateway: &Gateway,
+    guest: Guest,
+    inbox: &mut Inbox<'_, R>,
+    writer: &mut W,
+    skipping: &mut bool,
+) -> Result<(), End> {
+    let task = {
+        let mut reply = Reply::new();
+        match take_line(gateway, guest, inbox, skipping, &mut reply) {
+            Line::Task(task) => task,
+            Line::Done => return answer(writer, &reply).await,
+            Line::Awaited if inbox.ended() => return Err(End::Closed),
+            Line::Awaited => {
+                return with_timeout(idle(gateway), inbox.fill()).await.unwrap_or(Err(End::Idle));
+            }
+        }
+    };
+    match task {
+        Task::Console(task) => {
+            let outcome = meanwhile(inbox, console::finish(gateway, guest, task)).await?;
+            let mut reply = Reply::new();
+            console::tell(gateway, &outcome, &mut reply);
+            answer(writer, &reply).await
+        }
+        Task::Modbus(mut task) => {
+            let mut reply = Reply::new();
+            meanwhile(inbox, modbus_ascii::finish(gateway, &mut task, &mut reply)).await?;
+            answer(writer, &reply).await
+        }
+    }
+}
+
+async fn answer<W: Write>(writer: &mut W, reply: &Reply) -> Result<(), End> {
+    if reply.is_empty() { Ok(()) } else { send(writer, reply.as_bytes()).await }
+}
+
 const TOO_LONG: &str = "error too-long a line has at most 513 characters; this one was dropped\r\n";
 
-/// Takes the first line that has arrived in whole; a last line needs no end. None where there is none.
+/// Takes the first line that has arrived in whole; a last line needs no end.
 fn take_line<'g, R: Read>(
     gateway: &'g Gateway,
     guest: Guest,
     inbox: &mut Inbox<'_, R>,
     skipping: &mut bool,
     reply: &mut Reply,
-) -> Option<Task<'g>> {
+) -> Line<'g> {
     let data = inbox.data();
     let end = data.iter().position(|byte| *byte == b'\n').map(|at| at + 1);
     let length = match end {
         Some(length) => length,
         None if inbox.ended() || inbox.full() => data.len(),
-        None => return None,
+        None => return Line::Awaited,
     };
     if length == 0 {
-        return None;
+        return Line::Awaited;
     }
     let line = data.get(..length).unwrap_or_default().trim_ascii();
     let task = if *skipping {
-        Task::Done
+        None
     } else if line.len() > LINE {
         let _ = reply.push_str(TOO_LONG);
-        Task::Done
+        None
     } else {
         let gone = inbox.ended();
         match line.first() {
-            None => Task::Done,
-            Some(b':') => Task::Modbus(modbus_ascii::begin(gateway, guest, gone, line, reply)),
-            Some(_) => Task::Console(console::begin(gateway, guest, gone, line, reply)),
+            None => None,
+            Some(b':') => modbus_ascii::begin(gateway, guest, gone, line, reply).map(Task::Modbus),
+            Some(_) => console::begin(gateway, guest, gone, line, reply).map(Task::Console),
         }
     };
     *skipping = end.is_none();
     inbox.consume(length);
-    Some(task)
+    task.map_or(Line::Done, Line::Task)
 }
 
-/// Does what a line asks for. What arrives meanwhile is kept, and renews the client's leases.
-async fn carry_out<R: Read>(
-    gateway: &Gateway,
-    guest: Guest,
-    inbox: &mut Inbox<'_, R>,
-    task: &mut Task<'_>,
-    reply: &mut Reply,
-) -> Result<(), End> {
-    let mut work = pin!(async {
-        match task {
-            Task::Console(task) => console::finish(gateway, guest, *task, reply).await,
-            Task::Modbus(task) => modbus_ascii::finish(gateway, task, reply).await,
-            Task::Done => {}
-        }
-    });
+/// Does some work. What arrives meanwhile is kept, and renews the client's leases.
+async fn meanwhile<R: Read, T>(inbox: &mut Inbox<'_, R>, work: impl Future<Output = T>) -> Result<T, End> {
+    let mut work = pin!(work);
     loop {
         match select(work.as_mut(), inbox.fill()).await {
-            Either::First(()) => return Ok(()),
+            Either::First(done) => return Ok(done),
             Either::Second(Ok(())) => {}
             Either::Second(Err(end)) => return Err(end),
         }

@@ -7,6 +7,7 @@ mod lines;
 mod modbus_ascii;
 mod modbus_tcp;
 mod sniff;
+mod system;
 
 use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
@@ -19,6 +20,7 @@ use crate::clock;
 use crate::desk::{Desk, Holder};
 use crate::port::{Door, Listener, Peer, Socket};
 use crate::settings::Settings;
+use crate::settings::keeper::Keeper;
 use inbox::Inbox;
 use sniff::Dialect;
 
@@ -37,30 +39,45 @@ pub struct Gateway {
     pub desk: &'static Desk,
     /// The axes.
     pub axes: Axes,
+    /// Who changes the settings.
+    pub keeper: &'static Keeper,
     /// When the gateway started.
     pub started: Instant,
     sheets: http::Sheets,
     clients: AtomicUsize,
     connections: AtomicU32,
+    idle_places: AtomicUsize,
 }
 
 impl Gateway {
     /// A gateway with these settings, and with the axes that they name. Call it once.
-    pub fn new(settings: &'static Settings, desk: &'static Desk, axes: Axes) -> Self {
+    pub fn new(
+        settings: &'static Settings,
+        desk: &'static Desk,
+        axes: Axes,
+        keeper: &'static Keeper,
+    ) -> Self {
         Self {
             settings,
             desk,
             axes,
+            keeper,
             started: clock::now(),
             sheets: http::Sheets::new(),
             clients: AtomicUsize::new(0),
             connections: AtomicU32::new(0),
+            idle_places: AtomicUsize::new(0),
         }
     }
 
     /// Connections open now, and accepted since the start.
     pub fn clients(&self) -> (usize, u32) {
         (self.clients.load(Ordering::Relaxed), self.connections.load(Ordering::Relaxed))
+    }
+
+    /// Places that wait for a client now.
+    fn idle_places(&self) -> usize {
+        self.idle_places.load(Ordering::Relaxed)
     }
 }
 
@@ -114,7 +131,9 @@ impl Drop for Visit<'_> {
 /// Serves one place, one client after the other, for ever.
 pub async fn serve(gateway: &'static Gateway, seat: u8, listener: &mut impl Listener) -> ! {
     loop {
+        gateway.idle_places.fetch_add(1, Ordering::Relaxed);
         let mut socket = listener.accept().await;
+        gateway.idle_places.fetch_sub(1, Ordering::Relaxed);
         let visit = Visit::new(gateway, seat, socket.peer());
         let guest = visit.guest;
         log::info!("client {}: {} connected", guest.connection, guest.peer);
@@ -129,6 +148,10 @@ pub async fn serve(gateway: &'static Gateway, seat: u8, listener: &mut impl List
         match end {
             End::Closed | End::Idle | End::Refused => socket.close().await,
             End::Broken | End::Slow => socket.abort(),
+            End::Restart => {
+                socket.close().await;
+                gateway.keeper.answered();
+            }
         }
     }
 }
@@ -146,6 +169,8 @@ enum End {
     Slow,
     /// What it said cannot be understood, nor where it ends.
     Refused,
+    /// The gateway is about to start anew, and the client knows.
+    Restart,
 }
 
 impl End {
@@ -156,6 +181,7 @@ impl End {
             End::Idle => "let go, idle",
             End::Slow => "dropped, takes no replies",
             End::Refused => "refused, not understood",
+            End::Restart => "has changed the settings",
         }
     }
 }

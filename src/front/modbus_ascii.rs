@@ -3,7 +3,7 @@
 use core::fmt::Write;
 use core::future::poll_fn;
 
-use puente_modbus::{Exception, FrameError, ascii};
+use puente_modbus::{FrameError, ascii};
 
 use super::lines::Reply;
 use super::modbus_tcp::{Flights, route};
@@ -16,29 +16,29 @@ pub(super) struct Task<'g> {
 }
 
 /// Reads a frame and queues its request. What is no frame gets a line `error ...`, which a Modbus ASCII master passes
-/// over; what is refused gets an exception.
+/// over; what is refused gets an exception; then there is no task.
 pub(super) fn begin<'g>(
     gateway: &'g Gateway,
     guest: Guest,
     gone: bool,
     line: &[u8],
     reply: &mut Reply,
-) -> Task<'g> {
-    let (unit, routed) = match ascii::parse(line) {
-        Ok(frame) => {
-            let function = frame.pdu.first().copied().unwrap_or_default();
-            let routed = route(gateway, guest, gone, frame.unit, &frame.pdu);
-            (
-                frame.unit,
-                routed.map_err(|exception: Exception| push(reply, frame.unit, &exception.pdu(function))),
-            )
-        }
+) -> Option<Task<'g>> {
+    let frame = match ascii::parse(line) {
+        Ok(frame) => frame,
         Err(error) => {
             let _ = write!(reply, "error {} {error}\r\n", code(error));
-            (0, Err(()))
+            return None;
         }
     };
-    Task { unit, flights: routed.unwrap_or_default() }
+    let mut task = Task { unit: frame.unit, flights: Flights::new() };
+    // One flight a bus fits: the vector is as long as there can be buses.
+    let take = |flight| task.flights.push(flight).is_ok();
+    if let Err(exception) = route(gateway, guest, gone, frame.unit, &frame.pdu, take) {
+        push(reply, frame.unit, &exception.pdu(frame.pdu.first().copied().unwrap_or_default()));
+        return None;
+    }
+    Some(task)
 }
 
 /// Waits for the reply, where one is due: a broadcast has none.

@@ -9,7 +9,7 @@ use heapless::Vec;
 use puente_line::Duration;
 use puente_modbus::mbap::{self, Header, HeaderError};
 use puente_modbus::request::Request;
-use puente_modbus::{Exception, Pdu};
+use puente_modbus::{Exception, MAX_PDU};
 
 use super::inbox::Inbox;
 use super::{End, Gateway, Guest, idle, send};
@@ -66,7 +66,8 @@ fn exception(failure: Failure) -> Exception {
 /// The flights of one request: one, or one a bus for a broadcast.
 pub(super) type Flights<'g> = Vec<Flight<'g>, BUSES>;
 
-/// Judges a request and queues it for its bus, a broadcast for every bus. `gone` tells that its client has closed its
+/// Judges a request and queues it for its bus, a broadcast for every bus. `take` gets each flight, and says false where it
+/// has no room. After a refusal the flights of this request are to be dropped. `gone` tells that the client has closed its
 /// side and may not start motion any more.
 pub(super) fn route<'g>(
     gateway: &'g Gateway,
@@ -74,7 +75,8 @@ pub(super) fn route<'g>(
     gone: bool,
     unit: u8,
     pdu: &[u8],
-) -> Result<Flights<'g>, Exception> {
+    mut take: impl FnMut(Flight<'g>) -> bool,
+) -> Result<(), Exception> {
     let buses = match unit {
         0 => 0..gateway.desk.buses(),
         _ => match gateway.desk.route(unit) {
@@ -82,24 +84,26 @@ pub(super) fn route<'g>(
             None => return Err(Exception::GatewayPathUnavailable),
         },
     };
+    if pdu.len() > MAX_PDU {
+        return Err(Exception::IllegalDataValue);
+    }
     let request = Request::parse(pdu)?;
-    let owned = Pdu::from_slice(pdu).map_err(|_| Exception::IllegalDataValue)?;
     if unit == 0 && !request.is_write() {
         return Err(Exception::IllegalFunction);
     }
-    let mut flights = Vec::new();
     for bus in buses {
         let ruling = gateway.axes.judge(guest.commander(), bus, unit, &request)?;
         if guest.stop_only && ruling.class != Class::Stop || gone && ruling.motion.is_some() {
             gateway.axes.raw_ended(&ruling, false);
             return Err(Exception::ServerDeviceBusy);
         }
-        let order = Order { seat: guest.seat, bus, unit, class: ruling.class, pdu: owned.clone() };
+        let order = Order { seat: guest.seat, bus, unit, class: ruling.class, pdu };
         match gateway.desk.submit(clock::now(), order) {
             Ok(pending) => {
-                // One flight a bus fits: the vector is as long as there can be buses.
                 let function = request.function();
-                let _ = flights.push(Flight { broadcast: unit == 0, function, ruling, pending });
+                if !take(Flight { broadcast: unit == 0, function, ruling, pending }) {
+                    return Err(Exception::ServerDeviceBusy);
+                }
             }
             Err(failure) => {
                 gateway.axes.raw_ended(&ruling, false);
@@ -107,7 +111,7 @@ pub(super) fn route<'g>(
             }
         }
     }
-    Ok(flights)
+    Ok(())
 }
 
 /// A request of this connection, and how its reply is addressed.
@@ -117,8 +121,8 @@ struct Transaction<'g> {
     flight: Flight<'g>,
 }
 
-/// A reply frame; none is due after a broadcast.
-type Reply = Option<Vec<u8, { mbap::MAX_ADU }>>;
+/// A reply frame; empty where none is due.
+type Reply = Vec<u8, { mbap::MAX_ADU }>;
 
 pub(super) async fn serve<R: Read, W: Write>(
     gateway: &Gateway,
@@ -129,43 +133,50 @@ pub(super) async fn serve<R: Read, W: Write>(
     let mut open: Vec<Transaction<'_>, FLIGHTS> = Vec::new();
     // Bytes of a frame with a foreign protocol id that are still to be dropped.
     let mut skip = 0;
+    let mut reply = Reply::new();
     loop {
-        let reply = match take_frame(gateway, guest, inbox, &mut skip, &mut open) {
-            Some(Ok(reply)) => reply,
+        match take_frame(gateway, guest, inbox, &mut skip, &mut open, &mut reply) {
+            Some(Ok(())) => {}
             Some(Err(end)) => return end,
             None if inbox.ended() && open.is_empty() => return End::Closed,
             None => {
                 let patience = Duration::from_micros(idle(gateway).as_micros());
                 let quiet = open.is_empty().then(|| clock::now() + patience);
-                let any = poll_fn(|context| poll_any(&mut open, context, &gateway.axes));
+                let any = poll_fn(|context| poll_any(&mut open, context, &gateway.axes, &mut reply));
                 match select3(any, inbox.fill(), clock::at(quiet)).await {
-                    Either3::First(reply) => reply,
-                    Either3::Second(Ok(())) => None,
+                    Either3::First(()) | Either3::Second(Ok(())) => {}
                     Either3::Second(Err(end)) => return end,
                     Either3::Third(()) => return End::Idle,
                 }
             }
-        };
-        if let Some(reply) = reply
+        }
+        if !reply.is_empty()
             && let Err(end) = send(writer, &reply).await
         {
             return end;
         }
+        reply.clear();
     }
 }
 
-/// The reply of a request that has ended.
+/// Ready when a request has ended; writes its reply, but none to a broadcast.
 fn poll_any<'g>(
     open: &mut Vec<Transaction<'g>, FLIGHTS>,
     context: &mut Context<'_>,
     axes: &Axes,
-) -> Poll<Reply> {
+    reply: &mut Reply,
+) -> Poll<()> {
     for index in 0..open.len() {
         if let Some(Transaction { number, unit, flight }) = open.get_mut(index) {
-            let emit = |pdu: &[u8]| mbap::emit(*number, *unit, pdu);
-            if let Poll::Ready(reply) = flight.poll(context, axes, emit) {
-                let transaction = open.remove(index);
-                return Poll::Ready((!transaction.flight.broadcast).then_some(reply));
+            let broadcast = flight.broadcast;
+            let write = |pdu: &[u8]| {
+                if !broadcast {
+                    mbap::write(reply, *number, *unit, pdu);
+                }
+            };
+            if flight.poll(context, axes, write).is_ready() {
+                open.remove(index);
+                return Poll::Ready(());
             }
         }
     }
@@ -181,7 +192,8 @@ fn take_frame<'g, R: Read>(
     inbox: &mut Inbox<'_, R>,
     skip: &mut usize,
     open: &mut Vec<Transaction<'g>, FLIGHTS>,
-) -> Option<Result<Reply, End>> {
+    reply: &mut Reply,
+) -> Option<Result<(), End>> {
     let dropped = (*skip).min(inbox.data().len());
     inbox.consume(dropped);
     *skip -= dropped;
@@ -191,21 +203,21 @@ fn take_frame<'g, R: Read>(
         Err(HeaderError::Protocol { length, .. }) => {
             // The length counts from the unit id on, the last byte of the header.
             *skip = mbap::HEADER - 1 + usize::from(length);
-            return Some(Ok(None));
+            return Some(Ok(()));
         }
         Err(HeaderError::Length { .. }) => return Some(Err(End::Refused)),
     };
     let length = mbap::HEADER + usize::from(pdu_len);
     let pdu = inbox.data().get(mbap::HEADER..length)?;
     let function = pdu.first().copied().unwrap_or_default();
-    let refusal = match route(gateway, guest, inbox.ended(), unit, pdu) {
-        Err(exception) => Some(exception),
-        // The desk takes no more of one client than fit here, except stops.
-        Ok(flights) => flights.into_iter().find_map(|flight| {
-            let queued = open.push(Transaction { number, unit, flight });
-            queued.err().map(|_| Exception::ServerDeviceBusy)
-        }),
-    };
+    let before = open.len();
+    // The desk takes no more of one client than fit here, except stops.
+    let take = |flight| open.push(Transaction { number, unit, flight }).is_ok();
+    let routed = route(gateway, guest, inbox.ended(), unit, pdu, take);
     inbox.consume(length);
-    Some(Ok(refusal.map(|exception| mbap::emit(number, unit, &exception.pdu(function)))))
+    if let Err(exception) = routed {
+        open.truncate(before);
+        mbap::write(reply, number, unit, &exception.pdu(function));
+    }
+    Some(Ok(()))
 }

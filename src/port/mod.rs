@@ -1,29 +1,63 @@
-//! What a port supplies: sockets, serial lines, and the sizes that its memory allows. Nothing above this folder names
+//! What a port supplies: sockets, serial lines, flash for the settings, and the sizes that its memory allows. Nothing above this folder names
 //! a chip, an operating system or a cargo feature.
+
+mod nor;
 
 use core::fmt;
 
 use embedded_io_async::{Error, Read, Write};
+use embedded_storage_async::nor_flash::NorFlash;
+
+pub mod journal;
+pub mod record;
 
 #[cfg(not(target_os = "none"))]
 pub mod host;
 #[cfg(not(target_os = "none"))]
-pub use host::{Line, Place, limits, restart};
+use host as platform;
+#[cfg(not(target_os = "none"))]
+pub use host::{Place, defaults, history, limits, may_move, restart, stack};
 
 #[cfg(target_os = "none")]
 pub mod embedded;
 #[cfg(target_os = "none")]
-pub use embedded::{Network, Place, limits, restart};
+pub use embedded::{Network, Place, defaults, history, hung, limits, may_move, restart, stack};
 
 #[cfg(all(target_os = "none", feature = "mps2-an500"))]
 pub mod mps2;
 #[cfg(all(target_os = "none", feature = "mps2-an500"))]
-pub use mps2::{Board, Leds, Line, run};
+use mps2 as platform;
 
 #[cfg(all(target_os = "none", not(feature = "mps2-an500")))]
 pub mod nucleo;
 #[cfg(all(target_os = "none", not(feature = "mps2-an500")))]
-pub use nucleo::{Board, Leds, Line, run};
+use nucleo as platform;
+
+pub use platform::{BadPort, Flash, Line, check_line, temperature};
+#[cfg(target_os = "none")]
+pub use platform::{Board, Leds, Watchdog, run};
+
+#[cfg(all(target_os = "none", feature = "test-hooks"))]
+pub use embedded::hooks::obey;
+
+/// Does what a console line of a test asks for; false where it is something else, as it always is but in images for
+/// tests.
+#[cfg(not(all(target_os = "none", feature = "test-hooks")))]
+pub fn obey(_line: &[u8]) -> bool {
+    false
+}
+
+/// Name of the board, as in `cargo xtask firmware --board`; `host` on a host.
+pub const NAME: &str = env!("PUENTE_BOARD");
+
+/// How much of the stack is used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stack {
+    /// All of it, in bytes.
+    pub size: usize,
+    /// The most of it that was used at once, in bytes.
+    pub used: usize,
+}
 
 /// Which of the two TCP ports a client came through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,7 +123,11 @@ pub trait Listener {
 /// The bytes of one serial line. `read` answers with what is there, and must lose nothing when it is dropped.
 /// After an error both methods may be called again: the port reopens the line, waiting where it must. A write that
 /// fails with `NotConnected` has sent nothing; an error of a spoilt character is `InvalidData`.
-pub trait SerialLine: Read + Write {}
+pub trait SerialLine: Read + Write {
+    /// The next `count` characters decide nothing before the last of them is there: `read` may wait for it, as long as
+    /// they come without a pause.
+    fn expect(&mut self, _count: usize) {}
+}
 
 /// What the lamps of a board show.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -118,3 +156,8 @@ pub enum Link {
     /// It can be reached.
     Up,
 }
+
+/// Flash that keeps the settings over a restart: two pages of [`NorFlash::ERASE_SIZE`] bytes, from offset 0 on. Each
+/// word is written once between two erasures. Words that were being written, and pages that were being erased, when the
+/// power went may read as anything, but can be read.
+pub trait SettingsFlash: NorFlash {}

@@ -1,13 +1,17 @@
 //! What is wrong with a document whose types are right.
 
 use core::fmt;
+use core::net::Ipv4Addr;
 
-use super::{Axis, Bus, Name, Net, Protocol, Settings};
+use super::{Axis, Bus, Name, Net, Protocol, Settings, VERSION};
 use crate::port::limits::{CLIENTS, CLIENTS_ALLOWED};
+use crate::port::{self, BadPort};
 
 /// What is wrong with a document whose types are right, and where.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Problem {
+    /// The document is of another version.
+    Version(u32),
     /// A value of `[net]` is out of range.
     Net {
         /// The key.
@@ -25,6 +29,13 @@ pub enum Problem {
         key: &'static str,
         /// What is allowed.
         allowed: &'static str,
+    },
+    /// There is no such line, or it cannot do what it is to do.
+    Port {
+        /// Which bus.
+        name: Name,
+        /// Why.
+        error: BadPort,
     },
     /// A value of an axis is out of range.
     Axis {
@@ -77,9 +88,13 @@ pub enum Problem {
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Problem::Version(version) => {
+                write!(f, "version: {version} is not known, this firmware reads version {VERSION}")
+            }
             Problem::Net { key, allowed } => write!(f, "[net] {key}: {allowed}"),
             Problem::NoBus => f.write_str("no [[bus]] is given"),
             Problem::Bus { name, key, allowed } => write!(f, "[[bus]] \"{name}\" {key}: {allowed}"),
+            Problem::Port { name, error } => write!(f, "[[bus]] \"{name}\" port: {error}"),
             Problem::Axis { name, key, allowed } => write!(f, "[[axis]] \"{name}\" {key}: {allowed}"),
             Problem::Overlap { name, other, unit } => {
                 write!(f, "[[bus]] \"{name}\" units: bus \"{other}\" serves unit {unit} already")
@@ -109,8 +124,11 @@ fn is_name(name: &str) -> bool {
 }
 
 impl Settings {
-    /// Finds what the types do not: ranges, unique names, references.
+    /// Finds what the types do not: ranges, unique names, references, and what the port's lines cannot do.
     pub fn check(&self) -> Result<(), Problem> {
+        if self.version != VERSION {
+            return Err(Problem::Version(self.version));
+        }
         self.net.check()?;
         if self.buses.is_empty() {
             return Err(Problem::NoBus);
@@ -177,8 +195,35 @@ impl Net {
         if self.port == self.modbus_port && self.port != 0 {
             return problem("modbus_port", "it must differ from port");
         }
+        if !(1..=30).contains(&self.address.prefix) {
+            return problem("address", "1 to 30 bits of the network part are allowed");
+        }
+        if !is_host(self.address.address) || !self.address.has_host(self.address.address) {
+            return problem("address", "it must be one that a host can have");
+        }
+        if self.router.is_some_and(|router| router == self.address.address || !self.address.has_host(router))
+        {
+            return problem("router", "it must be another host of the network of address");
+        }
+        if !is_label(&self.hostname) {
+            return problem(
+                "hostname",
+                "1 to 32 letters, digits and '-' are allowed, '-' neither first nor last",
+            );
+        }
         Ok(())
     }
+}
+
+/// Whether a host can have this address: it is not this host itself, a loopback, multicast or reserved one (RFC 6890).
+fn is_host(address: Ipv4Addr) -> bool {
+    !matches!(address.octets(), [0 | 127 | 224.., ..])
+}
+
+/// A label of a host's name (RFC 1123, section 2.1); the type limits its length.
+fn is_label(name: &str) -> bool {
+    let allowed = |byte: u8| byte.is_ascii_alphanumeric() || byte == b'-';
+    !name.is_empty() && name.bytes().all(allowed) && !name.starts_with('-') && !name.ends_with('-')
 }
 
 impl Bus {
@@ -190,9 +235,6 @@ impl Bus {
         }
         if ascii_only {
             return problem("format", "Modbus RTU needs 8 data bits");
-        }
-        if self.port.is_empty() {
-            return problem("port", "\"sim\", a serial device or \"tcp:HOST:PORT\" is needed");
         }
         if !(5..=60_000).contains(&self.reply_timeout_ms) {
             return problem("reply_timeout_ms", "5 to 60000 is allowed");
@@ -209,6 +251,7 @@ impl Bus {
         if !(50..=60_000).contains(&self.queue_timeout_ms) {
             return problem("queue_timeout_ms", "50 to 60000 is allowed");
         }
-        Ok(())
+        let line = puente_line::Settings { baud: self.baud, format: self.format };
+        port::check_line(&self.port, line).map_err(|error| Problem::Port { name: self.name.clone(), error })
     }
 }

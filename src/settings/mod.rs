@@ -1,7 +1,13 @@
-//! The settings: one document, written as TOML on the host. Unknown keys are errors; [`Settings::check`] finds what
-//! the types cannot.
+//! The settings: one document, TOML in a file, JSON over HTTP, compact in flash. Unknown keys are errors;
+//! [`Settings::check`] finds what the types cannot.
 
 mod check;
+mod cidr;
+mod document;
+pub mod json;
+pub mod keeper;
+pub mod record;
+pub mod store;
 
 use core::fmt;
 use core::net::Ipv4Addr;
@@ -14,24 +20,29 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
 use crate::desk::Units;
 pub use check::Problem;
+pub use cidr::{BadCidr, Cidr};
 
+use crate::port::defaults;
 use crate::port::limits::{AXES, BUSES};
+
+/// The version of the document's keys that this firmware reads and writes.
+pub const VERSION: u32 = 1;
 
 /// A name of a bus or an axis.
 pub type Name = String<16>;
 
 /// The whole document.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Settings {
+    /// Version of the keys, [`VERSION`].
+    pub version: u32,
     /// TCP side.
-    #[serde(default)]
     pub net: Net,
     /// The buses.
     #[serde(rename = "bus")]
     pub buses: Vec<Bus, BUSES>,
     /// The axes.
-    #[serde(rename = "axis", default)]
+    #[serde(rename = "axis")]
     pub axes: Vec<Axis, AXES>,
 }
 
@@ -51,18 +62,39 @@ pub struct Net {
     pub lease_ms: u32,
     /// A client that says nothing for so long is let go, in s.
     pub idle_s: u32,
+    /// Whether the address is asked for on the network. A board's, as all that follow.
+    pub dhcp: bool,
+    /// The address where it is not, or where nobody gives one.
+    #[serde(serialize_with = "text", deserialize_with = "parsed")]
+    pub address: Cidr,
+    /// The router of that network, where there is one.
+    pub router: Option<Ipv4Addr>,
+    /// The board's name on the network.
+    pub hostname: String<32>,
 }
 
 impl Default for Net {
     fn default() -> Self {
         Self {
-            bind: Ipv4Addr::LOCALHOST,
-            port: 8080,
-            modbus_port: 8502,
+            bind: defaults::BIND,
+            port: defaults::MAIN_PORT,
+            modbus_port: defaults::MODBUS_PORT,
             clients: 16,
             lease_ms: 250,
             idle_s: 120,
+            dhcp: true,
+            address: Cidr { address: defaults::ADDRESS.0, prefix: defaults::ADDRESS.1 },
+            router: defaults::ROUTER,
+            hostname: String::try_from("puente").unwrap_or_default(),
         }
+    }
+}
+
+impl Net {
+    /// Whether a client that reaches a gateway with the `other` ones may not reach one with these.
+    pub fn leads_elsewhere(&self, other: &Self) -> bool {
+        let place = |net: &Self| (net.bind, net.port, net.modbus_port, net.dhcp, net.address, net.router);
+        place(self) != place(other)
     }
 }
 
@@ -129,7 +161,7 @@ pub struct Bus {
     pub rest_ms: u32,
     /// How long a slave that did not answer is left alone, in ms, lest its late reply meets the next request.
     /// `reply_timeout_ms` where absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub quarantine_ms: Option<u32>,
     /// How long a request may wait for its turn, in ms.
     #[serde(default = "default_queue_timeout")]
@@ -172,12 +204,17 @@ pub struct Axis {
     #[serde(default = "default_max_rpm")]
     pub max_rpm: u16,
     /// Registers that differ from the EDB family's.
-    #[serde(default, skip_serializing_if = "is_family")]
+    #[serde(default, serialize_with = "unless_family", deserialize_with = "or_family")]
     pub registers: Registers,
 }
 
-fn is_family(registers: &Registers) -> bool {
-    *registers == Registers::default()
+/// The family's registers are written as none, for what is compact has no keys that could be left out.
+fn unless_family<S: Serializer>(registers: &Registers, serializer: S) -> Result<S::Ok, S::Error> {
+    (*registers != Registers::default()).then_some(registers).serialize(serializer)
+}
+
+fn or_family<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Registers, D::Error> {
+    Option::<Registers>::deserialize(deserializer).map(Option::unwrap_or_default)
 }
 
 fn default_baud() -> u32 {
@@ -226,13 +263,13 @@ where
 
 impl Settings {
     /// What a gateway has that was not told otherwise: one Modbus ASCII bus at 9600 8O1 (the factory setting of EDB
-    /// drives) on `port`, with axes x, y and z at addresses 1, 2 and 3.
-    pub fn factory(port: &str) -> Self {
+    /// drives) on the port's first line, with axes x, y and z at addresses 1, 2 and 3.
+    pub fn factory() -> Self {
         let name = |text: &str| Name::try_from(text).unwrap_or_default();
         let bus = Bus {
             name: name("a"),
             protocol: Protocol::ModbusAscii,
-            port: String::try_from(port).unwrap_or_default(),
+            port: String::try_from(defaults::LINE).unwrap_or_default(),
             baud: default_baud(),
             format: default_format(),
             units: default_units(),
@@ -252,6 +289,7 @@ impl Settings {
             registers: Registers::default(),
         };
         Self {
+            version: VERSION,
             net: Net::default(),
             buses: [bus].into_iter().collect(),
             axes: [("x", 1), ("y", 2), ("z", 3)].into_iter().map(axis).collect(),
@@ -263,3 +301,6 @@ impl Settings {
         self.buses.iter().position(|bus| bus.name == name).map(|index| index as u8)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,9 +1,12 @@
 //! The HTTP interface over real sockets, with simulated drives.
 
 mod client;
+#[path = "../common/mod.rs"]
+mod common;
 mod malformed;
 
 use client::Gateway;
+use common::{target, until};
 use serde_json::{Value, json};
 
 const JOG: &str = "POST /api/axes/x/jog";
@@ -71,11 +74,11 @@ fn axes_with_values_and_a_dead_one() {
 fn a_jog_lasts_as_long_as_its_hold() {
     let gateway = Gateway::start(16);
     enable(&gateway, "x");
-    let reply = gateway.ask(JOG, "{\"rpm\":-100,\"hold_ms\":400}");
+    let reply = gateway.ask(JOG, "{\"rpm\":-100,\"hold_ms\":1500}");
     assert_eq!(reply.status, 200, "{}", reply.body);
     let jog = reply.json();
     assert_eq!((&jog["axis"], &jog["enabled"], &jog["jog_rpm"]), (&json!("x"), &json!(true), &json!(-100)));
-    assert!(jog["lease"]["left_ms"].as_u64().expect("a time") <= 400);
+    assert!(jog["lease"]["left_ms"].as_u64().expect("a time") <= 1500);
     gateway.await_axis("x", |axis| axis["speed_rpm"].as_i64() < Some(0));
     let lost = gateway.await_axis("x", |axis| axis["event"] != Value::Null && axis["jog_rpm"] == 0);
     assert_eq!((&lost["event"]["cause"], &lost["lease"]), (&json!("lease-expired"), &Value::Null));
@@ -195,8 +198,10 @@ fn buses() {
     gateway.axis("dead");
     let list = gateway.ask("GET /api/buses", "").json();
     let a = &list[0];
-    assert_eq!((&a["name"], &a["protocol"], &a["port"]), (&json!("a"), &json!("modbus-rtu"), &json!("sim")));
-    assert_eq!((&a["baud"], &a["format"], &a["units"]), (&json!(115_200), &json!("8E1"), &json!("1-9")));
+    let port = json!(gateway.gateway.ports[0]);
+    assert_eq!((&a["name"], &a["protocol"], &a["port"]), (&json!("a"), &json!("modbus-rtu"), &port));
+    let baud = json!(common::fast().baud);
+    assert_eq!((&a["baud"], &a["format"], &a["units"]), (&baud, &json!("8E1"), &json!("1-9")));
     assert_eq!(a["statistics"]["confirmed"], 2, "status word and monitor block: {a}");
     assert!(a["statistics"]["latency_mean_us"].as_u64().expect("a time") > 0);
     let dead = &list[1]["statistics"];
@@ -253,18 +258,92 @@ fn metrics_are_well_formed() {
 }
 
 #[test]
+fn the_gateway_tells_of_itself() {
+    let gateway = Gateway::start(16);
+    let reply = gateway.ask("GET /api/system", "");
+    assert_eq!(reply.status, 200);
+    let system = reply.json();
+    let expected = [
+        "version",
+        "commit",
+        "board",
+        "uptime_ms",
+        "reset",
+        "resets",
+        "stack",
+        "free",
+        "temperature_c",
+        "last_panic",
+        "last_watchdog",
+    ];
+    let (mut expected, mut found) = (expected.to_vec(), keys(&system));
+    expected.sort_unstable();
+    found.sort_unstable();
+    assert_eq!(found, expected);
+    assert_eq!(
+        (&system["version"], &system["board"]),
+        (&json!(env!("CARGO_PKG_VERSION")), &json!(target().name))
+    );
+    let commit = system["commit"].as_str().expect("a commit");
+    let short = (7..=40).contains(&commit.len()) && commit.chars().all(|digit| digit.is_ascii_hexdigit());
+    assert!(commit == "unknown" || short, "{commit}");
+    for unknown in ["temperature_c", "last_panic", "last_watchdog"] {
+        assert_eq!(system[unknown], Value::Null, "{unknown}");
+    }
+    for of_board in ["reset", "resets", "stack"] {
+        assert_eq!(system[of_board] == Value::Null, !target().is_board(), "{of_board}");
+    }
+    let (name, tickets, sheets) = (target().name, target().tickets, target().sheets);
+    // This reply needs a sheet.
+    assert_eq!(
+        (&system["free"]["requests"], &system["free"]["replies"]),
+        (&json!(tickets), &json!(sheets - 1))
+    );
+    // This client has a place, and those before it one until they have left.
+    let free = || gateway.ask("GET /api/system", "").json()["free"]["places"].as_u64();
+    until("all places but one are free", || free() == Some(target().places - 1));
+    let mut console = gateway.connect();
+    console.send("system\r\n");
+    let line = console.line();
+    assert!(
+        line.starts_with(&format!("ok version={} commit={commit} board={name} ", env!("CARGO_PKG_VERSION")))
+    );
+    assert!(line.contains(&format!(" free_requests={tickets} free_replies={sheets} ")), "{line}");
+    assert_eq!(line.contains(" reset="), target().is_board(), "{line}");
+}
+
+#[test]
+fn the_log_has_the_recent_lines() {
+    let gateway = Gateway::start(16);
+    for _ in 0..100 {
+        gateway.ask("GET /nothing", "");
+    }
+    let reply = gateway.ask("GET /api/log", "");
+    assert_eq!((reply.status, reply.field("content-type")), (200, Some("text/plain; charset=utf-8")));
+    assert!(reply.body.ends_with('\n'));
+    let connected = reply.body.lines().filter_map(|line| {
+        let text = line.split_once("] ").unwrap_or_else(|| panic!("{line}")).1;
+        text.strip_suffix(" connected")?.strip_prefix("client ")?.split_once(": ")?.0.parse().ok()
+    });
+    let clients: Vec<u32> = connected.collect();
+    assert!(clients.is_sorted_by(|a, b| a + 1 == *b), "each client once, in order: {}", reply.body);
+    assert!(clients.len() >= target().logged_clients, "{}", reply.body);
+}
+
+#[test]
 fn the_page_and_its_files() {
     let gateway = Gateway::start(16);
-    for (path, content_type) in [
-        ("/", "text/html"),
-        ("/panel.css", "text/css"),
-        ("/panel.js", "text/javascript"),
-        ("/?x=1", "text/html"),
+    let page = include_str!("../../src/front/http/page/index.html");
+    for (path, content_type, file) in [
+        ("/", "text/html", page),
+        ("/panel.css", "text/css", include_str!("../../src/front/http/page/panel.css")),
+        ("/panel.js", "text/javascript", include_str!("../../src/front/http/page/panel.js")),
+        ("/?x=1", "text/html", page),
     ] {
         let reply = gateway.ask(&format!("GET {path}"), "");
         assert_eq!(reply.status, 200, "{path}");
         assert!(reply.field("content-type").expect("a type").starts_with(content_type));
         assert!(reply.field("content-security-policy").expect("a policy").contains("default-src 'none'"));
-        assert!(reply.body.len() > 1000);
+        assert!(reply.body == file, "{path}: {} bytes, expected {}", reply.body.len(), file.len());
     }
 }

@@ -11,4 +11,4 @@ mod time;
 
 pub use core::time::Duration;
 pub use format::{BadFormat, Format, Parity, Settings};
-pub use time::Instant;
+pub use time::{Instant, micros, millis};

@@ -9,6 +9,9 @@ use crate::{Frame, FrameError, MAX_PDU, Pdu};
 
 /// Characters of the longest frame, from `:` to LF.
 pub const MAX_ADU: usize = 513;
+
+/// Characters of a frame beside the two for each byte of its PDU: colon, unit, LRC, CR and LF.
+pub(crate) const OVERHEAD: usize = 7;
 /// Longest time between two characters of a frame (clause 2.5.2.1).
 pub const CHARACTER_TIMEOUT: Duration = Duration::from_secs(1);
 
@@ -20,8 +23,14 @@ type Bytes = heapless::Vec<u8, MAX_BYTES>;
 /// A frame in upper case; empty where the PDU is empty or longer than [`MAX_PDU`], so that nothing wrong gets onto a line.
 pub fn emit(unit: u8, pdu: &[u8]) -> heapless::Vec<u8, MAX_ADU> {
     let mut adu = heapless::Vec::new();
+    write(&mut adu, unit, pdu);
+    adu
+}
+
+/// Writes a frame into an empty vector.
+pub(crate) fn write(adu: &mut heapless::Vec<u8, MAX_ADU>, unit: u8, pdu: &[u8]) {
     if !(1..=MAX_PDU).contains(&pdu.len()) {
-        return adu;
+        return;
     }
     let check = lrc(pdu).wrapping_sub(unit);
     // At most 1 + 2 * MAX_BYTES + 2 = MAX_ADU characters, so that nothing is refused.
@@ -30,7 +39,6 @@ pub fn emit(unit: u8, pdu: &[u8]) -> heapless::Vec<u8, MAX_ADU> {
         let _ = adu.extend_from_slice(&[digit(byte >> 4), digit(byte & 0x0F)]);
     }
     let _ = adu.extend_from_slice(b"\r\n");
-    adu
 }
 
 /// A frame from `:` on, with or without its CR LF. Digits of either case.

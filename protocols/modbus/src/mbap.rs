@@ -74,12 +74,17 @@ impl core::error::Error for HeaderError {}
 /// A frame; empty where the PDU is empty or longer than [`MAX_PDU`].
 pub fn emit(transaction: u16, unit: u8, pdu: &[u8]) -> heapless::Vec<u8, MAX_ADU> {
     let mut adu = heapless::Vec::new();
+    write(&mut adu, transaction, unit, pdu);
+    adu
+}
+
+/// Writes such a frame into an empty vector.
+pub fn write(adu: &mut heapless::Vec<u8, MAX_ADU>, transaction: u16, unit: u8, pdu: &[u8]) {
     let Some(length @ 2..=254) = u8::try_from(pdu.len()).ok().and_then(|len| len.checked_add(1)) else {
-        return adu;
+        return;
     };
     let [t1, t0] = transaction.to_be_bytes();
     // At most HEADER + MAX_PDU = MAX_ADU bytes, so that nothing is refused.
     let _ = adu.extend_from_slice(&[t1, t0, 0, 0, 0, length, unit]);
     let _ = adu.extend_from_slice(pdu);
-    adu
 }

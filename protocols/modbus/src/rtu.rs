@@ -25,15 +25,21 @@ pub fn crc(bytes: &[u8]) -> u16 {
 /// A frame; empty where the PDU is empty or longer than [`MAX_PDU`], so that nothing wrong gets onto a line.
 pub fn emit(unit: u8, pdu: &[u8]) -> heapless::Vec<u8, MAX_ADU> {
     let mut adu = heapless::Vec::new();
+    write(&mut adu, unit, pdu);
+    adu
+}
+
+/// Writes a frame into an empty vector of [`MAX_ADU`] bytes at least.
+pub(crate) fn write<const N: usize>(adu: &mut heapless::Vec<u8, N>, unit: u8, pdu: &[u8]) {
+    const { assert!(N >= MAX_ADU) };
     if !(1..=MAX_PDU).contains(&pdu.len()) {
-        return adu;
+        return;
     }
     // At most 1 + MAX_PDU + 2 = MAX_ADU bytes, so that nothing is refused.
     let _ = adu.push(unit);
     let _ = adu.extend_from_slice(pdu);
-    let check = crc(&adu);
+    let check = crc(adu);
     let _ = adu.extend_from_slice(&check.to_le_bytes());
-    adu
 }
 
 /// Unit and PDU of a frame.
@@ -73,6 +79,5 @@ fn half_characters(line: Settings, halves: usize, fixed: Duration) -> Duration {
     if line.baud > 19_200 {
         return fixed;
     }
-    let micros = u64::try_from(line.wire_time(halves).as_micros()).unwrap_or(u64::MAX);
-    Duration::from_micros(micros.div_ceil(2))
+    Duration::from_micros(puente_line::micros(line.wire_time(halves)).div_ceil(2))
 }

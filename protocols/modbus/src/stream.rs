@@ -27,18 +27,39 @@ pub(crate) struct Stream {
     damage: Option<FrameError>,
     /// This burst has bytes that cannot even begin a frame.
     noise: bool,
+    /// With fewer bytes there is nothing new to judge before a silence.
+    look_at: usize,
     garbage: u32,
 }
 
 enum Verdict {
     Frame(usize),
-    Wait,
+    /// Until there are so many bytes, or silence.
+    Wait(usize),
     No,
+}
+
+impl Verdict {
+    /// Waits for `length` bytes too.
+    fn or_wait(self, length: usize) -> Self {
+        match self {
+            Verdict::Wait(other) => Verdict::Wait(other.min(length)),
+            _ => Verdict::Wait(length),
+        }
+    }
 }
 
 impl Stream {
     pub const fn new() -> Self {
-        Self { bytes: heapless::Vec::new(), settled: 0, reported: 0, damage: None, noise: false, garbage: 0 }
+        Self {
+            bytes: heapless::Vec::new(),
+            settled: 0,
+            reported: 0,
+            damage: None,
+            noise: false,
+            look_at: 0,
+            garbage: 0,
+        }
     }
 
     /// Takes a byte; the oldest makes room for it.
@@ -53,6 +74,7 @@ impl Stream {
     /// The line has been silent. [`Stream::next`] gives frames that ended thereby, then [`Stream::damage`] tells about the rest.
     pub fn silence(&mut self) {
         self.settled = self.bytes.len();
+        self.look_at = 0;
     }
 
     /// Whether a silence would tell anything new.
@@ -81,13 +103,19 @@ impl Stream {
 
     /// The next frame. `lengths` gives the PDU lengths that are possible for a frame which begins with these bytes.
     pub fn next(&mut self, lengths: impl Fn(&[u8]) -> [Length; 2]) -> Option<Frame> {
+        if self.bytes.len() < self.look_at {
+            return None;
+        }
         let mut held = false;
         let mut at = 0;
         while at < self.bytes.len() {
             match self.judge(at, &lengths) {
                 Verdict::Frame(length) => return self.take(at, length),
-                Verdict::Wait if at >= self.settled => return None,
-                Verdict::Wait => held = true,
+                Verdict::Wait(length) if at >= self.settled => {
+                    self.look_at = at.saturating_add(length).min(MAX_ADU);
+                    return None;
+                }
+                Verdict::Wait(_) => held = true,
                 Verdict::No if !held => {
                     self.discard(1);
                     continue;
@@ -117,12 +145,12 @@ impl Stream {
                 // Silence may have been only in the way of the bytes to us: more may come.
                 Some(Err(error)) if matches!(length, Length::Silence) => {
                     damage = damage.or(Some(error));
-                    verdict = Verdict::Wait;
+                    verdict = verdict.or_wait(adu.len() + 1);
                 }
                 Some(Err(error)) => damage = damage.or(Some(error)),
                 None => {
                     damage = damage.or(silent.then_some(FrameError::TooShort));
-                    verdict = Verdict::Wait;
+                    verdict = verdict.or_wait(if length == Length::More { adu.len() + 1 } else { end });
                 }
             }
         }
@@ -149,6 +177,7 @@ impl Stream {
     /// Drops `count` bytes from the front.
     fn discard(&mut self, count: usize) {
         let count = count.min(self.bytes.len());
+        self.look_at = 0;
         self.bytes.rotate_left(count);
         self.bytes.truncate(self.bytes.len() - count);
         self.settled = self.settled.saturating_sub(count);

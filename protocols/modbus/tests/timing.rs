@@ -255,6 +255,25 @@ fn a_reply_under_way_at_the_deadline_may_finish() {
     assert_eq!(rig.now, start + deadline + micros(2_000));
 }
 
+/// Regression: a long reply whose last part was handed over 20 ms late was given up.
+#[test]
+fn an_ascii_reply_under_way_at_the_deadline_may_pause_up_to_the_limit() {
+    let start_of = |frame: &[u8], rest_after| {
+        let mut rig = Rig::new(config(Mode::Ascii));
+        let start = rig.send(1, READ);
+        let deadline = wire(&rig.config, READ) + rig.config.reply_timeout;
+        rig.bytes(deadline - micros(1_000), &frame[..5]);
+        rig.bytes(deadline + rest_after, &frame[5..]);
+        (rig.finish(), rig.now, start + deadline)
+    };
+    let frame = adu(Mode::Ascii, 1, ANSWER);
+    let (end, at, deadline) = start_of(&frame, micros(20_000));
+    assert_eq!((end, at), (answer(), deadline + micros(20_000)));
+    let (end, at, deadline) = start_of(&frame, Duration::from_secs(1));
+    let longest = config(Mode::Ascii).line.wire_time(513);
+    assert_eq!((end, at), (End::NoReply(Evidence::Damaged(FrameError::TooShort)), deadline + longest));
+}
+
 #[test]
 fn a_babbling_line_does_not_hold_up_for_ever() {
     let mut rig = Rig::new(config(Mode::Rtu));

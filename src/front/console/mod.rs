@@ -4,20 +4,23 @@ mod command;
 
 use core::fmt::Write;
 
-use puente_line::Duration;
+use puente_drives::edb::Parameter;
+use puente_line::{Duration, millis};
 use puente_modbus::request::Request;
 
 use super::lines::Reply;
+use super::system::System;
 use super::{Gateway, Guest};
 use crate::axis::{AxisError, Commander, Jog, Snapshot};
 use crate::clock;
-use crate::desk::{Class, Failure, Order};
+use crate::desk::{Class, Failure, Order, Units};
+use crate::port;
 use crate::settings::Name;
 use command::{AxisCommand, BusCommand, Command, Mistake};
 
 const HELP: &str = "ok commands=\"help; axis; axis NAME status|enable|disable|stop|alarm|clear; \
 axis NAME jog RPM; axis NAME get PnNNN; axis NAME set PnNNN VALUE; bus; bus NAME status; \
-bus NAME scan FIRST-LAST; feed\"";
+bus NAME scan FIRST-LAST; system; feed\"";
 
 /// A command that needs the drives.
 #[derive(Clone, Copy)]
@@ -26,13 +29,22 @@ pub(super) enum Task {
     Axis(u8, AxisCommand),
     /// To a bus, by its number: find the units from the first to the last.
     Scan(u8, (u8, u8)),
-    /// Nothing; the reply is written.
-    Done,
 }
 
-/// Reads a command, and answers it where that needs no drive. `gone` tells that the client has closed its side and may
+/// Reads a command, and answers it where that needs no drive: then there is no task. `gone` tells that the client has closed its side and may
 /// not start motion any more.
-pub(super) fn begin(gateway: &Gateway, guest: Guest, gone: bool, line: &[u8], reply: &mut Reply) -> Task {
+pub(super) fn begin(
+    gateway: &Gateway,
+    guest: Guest,
+    gone: bool,
+    line: &[u8],
+    reply: &mut Reply,
+) -> Option<Task> {
+    if port::obey(line) {
+        say(reply, format_args!("ok"));
+        end(reply);
+        return None;
+    }
     let task = match command::parse(line) {
         Err(mistake) => Err(error(reply, mistake.code(), mistake)),
         Ok(command) if guest.stop_only && !command.stops() => {
@@ -45,10 +57,7 @@ pub(super) fn begin(gateway: &Gateway, guest: Guest, gone: bool, line: &[u8], re
         }
         Ok(command) => resolve(gateway, command, reply),
     };
-    task.unwrap_or_else(|Told| {
-        end(reply);
-        Task::Done
-    })
+    task.inspect_err(|Told| end(reply)).ok()
 }
 
 /// The reply has been written.
@@ -58,6 +67,7 @@ fn resolve(gateway: &Gateway, command: Command<'_>, reply: &mut Reply) -> Result
     match command {
         Command::Help => say(reply, format_args!("{HELP}")),
         Command::Feed => say(reply, format_args!("ok")),
+        Command::System => say(reply, format_args!("ok {}", System(gateway))),
         Command::Axes => list(reply, "axes", gateway.axes.iter().map(|(_, axis)| &axis.spec.name)),
         Command::Buses => list(reply, "buses", gateway.settings.buses.iter().map(|bus| &bus.name)),
         Command::Axis(name, command) => match gateway.axes.find(name) {
@@ -73,24 +83,59 @@ fn resolve(gateway: &Gateway, command: Command<'_>, reply: &mut Reply) -> Result
     Err(Told)
 }
 
-/// Does what needs the drives, and writes the reply.
-pub(super) async fn finish(gateway: &Gateway, guest: Guest, task: Task, reply: &mut Reply) {
+/// What has come of a command that needed the drives.
+pub(super) enum Outcome {
+    /// Of an axis, by its number.
+    Axis(u8, Result<Answer, AxisError>),
+    /// Of the search for units from the first to the last on a bus, by its number.
+    Scan(u8, (u8, u8), Result<Units, (u8, Failure)>),
+}
+
+/// What an axis answers.
+pub(super) enum Answer {
+    Status(Snapshot),
+    Enabled(bool),
+    Stopped,
+    Jog(i32),
+    Value(Parameter, u16),
+    Written(Parameter, u16),
+    Alarm(u16),
+    Cleared(u16),
+}
+
+/// Does what needs the drives. There is no reply yet: its room is that of this future, see [`lines`](super::lines).
+pub(super) async fn finish(gateway: &Gateway, guest: Guest, task: Task) -> Outcome {
     match task {
-        Task::Axis(id, command) => {
-            let name = gateway.axes.get(id).map_or("", |axis| axis.spec.name.as_str());
-            say(reply, format_args!("ok axis={name}"));
-            if let Err(failed) = axis(gateway, guest.commander(), id, command, reply).await {
-                reply.clear();
-                error(reply, failed.code(), format_args!("axis {name}: {failed}"));
-            }
-            end(reply);
-        }
-        Task::Scan(bus, units) => {
-            scan(gateway, guest, bus, units, reply).await;
-            end(reply);
-        }
-        Task::Done => {}
+        Task::Axis(id, command) => Outcome::Axis(id, axis(gateway, guest.commander(), id, command).await),
+        Task::Scan(bus, units) => Outcome::Scan(bus, units, scan(gateway, guest, bus, units).await),
     }
+}
+
+/// Writes the reply.
+pub(super) fn tell(gateway: &Gateway, outcome: &Outcome, reply: &mut Reply) {
+    match outcome {
+        Outcome::Axis(id, answer) => {
+            let name = gateway.axes.get(*id).map_or("", |axis| axis.spec.name.as_str());
+            match answer {
+                Ok(answer) => {
+                    say(reply, format_args!("ok axis={name}"));
+                    tell_answer(gateway, *id, answer, reply);
+                }
+                Err(failed) => {
+                    error(reply, failed.code(), format_args!("axis {name}: {failed}"));
+                }
+            }
+        }
+        Outcome::Scan(bus, (first, last), Ok(found)) => {
+            let name = gateway.settings.buses.get(usize::from(*bus)).map_or("", |bus| bus.name.as_str());
+            say(reply, format_args!("ok bus={name} scanned={first}-{last} found="));
+            separated(reply, found.iter());
+        }
+        Outcome::Scan(_, _, Err((unit, failure))) => {
+            error(reply, "not-sent", format_args!("scan ended at unit {unit}: {failure}"));
+        }
+    }
+    end(reply);
 }
 
 /// What cannot be written any more is cut off.
@@ -111,68 +156,74 @@ fn end(reply: &mut Reply) {
 
 fn list<'a>(reply: &mut Reply, key: &str, names: impl Iterator<Item = &'a Name>) {
     say(reply, format_args!("ok {key}="));
-    for (index, name) in names.enumerate() {
+    separated(reply, names);
+}
+
+fn separated(reply: &mut Reply, items: impl Iterator<Item = impl core::fmt::Display>) {
+    for (index, item) in items.enumerate() {
         let separator = if index == 0 { "" } else { "," };
-        say(reply, format_args!("{separator}{name}"));
+        say(reply, format_args!("{separator}{item}"));
     }
 }
 
-async fn axis(
-    gateway: &Gateway,
-    by: Commander,
-    id: u8,
-    command: AxisCommand,
-    reply: &mut Reply,
-) -> Result<(), AxisError> {
+async fn axis(gateway: &Gateway, by: Commander, id: u8, command: AxisCommand) -> Result<Answer, AxisError> {
     let axes = &gateway.axes;
-    match command {
-        AxisCommand::Status => {
-            let snapshot = axes.status(id, by, Duration::ZERO).await?;
-            status(gateway, id, &snapshot, reply);
-        }
+    Ok(match command {
+        AxisCommand::Status => Answer::Status(axes.status(id, by, Duration::ZERO).await?),
         AxisCommand::Enable => {
             axes.enable(id, by).await?;
-            say(reply, format_args!(" enabled=1"));
+            Answer::Enabled(true)
         }
         AxisCommand::Disable => {
             axes.disable(id, by).await?;
-            say(reply, format_args!(" enabled=0"));
+            Answer::Enabled(false)
         }
         AxisCommand::Stop => {
             axes.stop(id, by).await?;
-            say(reply, format_args!(" jog_rpm=0"));
+            Answer::Stopped
         }
         AxisCommand::Jog(rpm) => {
             axes.jog(id, by, rpm, None).await?;
+            Answer::Jog(rpm)
+        }
+        AxisCommand::Get(parameter) => Answer::Value(parameter, axes.parameter(id, by, parameter).await?),
+        AxisCommand::Set(parameter, value) => {
+            axes.set_parameter(id, by, parameter, value).await?;
+            Answer::Written(parameter, value)
+        }
+        AxisCommand::Alarm => Answer::Alarm(axes.alarm(id, by).await?),
+        AxisCommand::Clear => {
+            axes.clear(id, by).await?;
+            Answer::Cleared(axes.alarm(id, by).await?)
+        }
+    })
+}
+
+fn tell_answer(gateway: &Gateway, id: u8, answer: &Answer, reply: &mut Reply) {
+    match answer {
+        Answer::Status(snapshot) => status(gateway, id, snapshot, reply),
+        Answer::Enabled(enabled) => say(reply, format_args!(" enabled={}", u8::from(*enabled))),
+        Answer::Stopped => say(reply, format_args!(" jog_rpm=0")),
+        Answer::Jog(rpm) => {
             say(reply, format_args!(" jog_rpm={rpm} lease_ms={}", gateway.settings.net.lease_ms));
         }
-        AxisCommand::Get(parameter) => {
-            let value = axes.parameter(id, by, parameter).await?;
+        Answer::Value(parameter, value) => {
             say(reply, format_args!(" {parameter}={value}"));
             if let Some(unit) = parameter.info().and_then(|info| info.unit) {
                 say(reply, format_args!(" unit={unit}"));
             }
         }
-        AxisCommand::Set(parameter, value) => {
-            axes.set_parameter(id, by, parameter, value).await?;
-            say(reply, format_args!(" {parameter}={value}"));
-        }
-        AxisCommand::Alarm => {
-            let number = axes.alarm(id, by).await?;
-            let text = puente_drives::edb::alarm_name(number).unwrap_or(if number == 0 {
+        Answer::Written(parameter, value) => say(reply, format_args!(" {parameter}={value}")),
+        Answer::Alarm(number) => {
+            let text = puente_drives::edb::alarm_name(*number).unwrap_or(if *number == 0 {
                 "none"
             } else {
                 "undefined"
             });
             say(reply, format_args!(" alarm={number} text=\"{text}\""));
         }
-        AxisCommand::Clear => {
-            axes.clear(id, by).await?;
-            let number = axes.alarm(id, by).await?;
-            say(reply, format_args!(" enabled=0 alarm={number}"));
-        }
+        Answer::Cleared(number) => say(reply, format_args!(" enabled=0 alarm={number}")),
     }
-    Ok(())
 }
 
 fn status(gateway: &Gateway, id: u8, snapshot: &Snapshot, reply: &mut Reply) {
@@ -199,16 +250,16 @@ fn status(gateway: &Gateway, id: u8, snapshot: &Snapshot, reply: &mut Reply) {
             monitor.internal_torque_reference,
             monitor.position,
             monitor.alarm,
-            now.since(*at).as_millis()
+            millis(now.since(*at))
         ),
     );
     if let Some((holder, left)) = gateway.axes.leased(id) {
-        say(reply, format_args!(" lease=\"{holder}\" lease_ms={}", left.as_millis()));
+        say(reply, format_args!(" lease=\"{holder}\" lease_ms={}", millis(left)));
     }
     if let Some(event) = gateway.axes.event(id) {
         say(
             reply,
-            format_args!(" event={} event_age_ms={}", event.cause.name(), now.since(event.at).as_millis()),
+            format_args!(" event={} event_age_ms={}", event.cause.name(), millis(now.since(event.at))),
         );
     }
 }
@@ -244,30 +295,27 @@ fn bus_status(gateway: &Gateway, bus: u8, reply: &mut Reply) {
 }
 
 /// Asks each unit for one register; whatever answers, if only with an exception, is there.
-async fn scan(gateway: &Gateway, guest: Guest, bus: u8, (first, last): (u8, u8), reply: &mut Reply) {
-    let name = gateway.settings.buses.get(usize::from(bus)).map_or("", |bus| bus.name.as_str());
-    say(reply, format_args!("ok bus={name} scanned={first}-{last} found="));
-    let mut separator = "";
+async fn scan(
+    gateway: &Gateway,
+    guest: Guest,
+    bus: u8,
+    (first, last): (u8, u8),
+) -> Result<Units, (u8, Failure)> {
+    let mut found = Units::default();
     for unit in first..=last {
         match probe(gateway, guest, bus, unit).await {
-            Ok(()) => {
-                say(reply, format_args!("{separator}{unit}"));
-                separator = ",";
-            }
+            Ok(()) => found.insert(unit),
             Err(Failure::NoReply(_)) => {}
-            Err(failure) => {
-                reply.clear();
-                error(reply, "not-sent", format_args!("scan ended at unit {unit}: {failure}"));
-                return;
-            }
+            Err(failure) => return Err((unit, failure)),
         }
     }
+    Ok(found)
 }
 
 async fn probe(gateway: &Gateway, guest: Guest, bus: u8, unit: u8) -> Result<(), Failure> {
     let address = puente_drives::edb::register::STATUS;
     let pdu = Request::ReadHoldingRegisters { address, quantity: 1 }.emit();
-    let order = Order { seat: guest.seat, bus, unit, class: Class::Probe, pdu };
+    let order = Order { seat: guest.seat, bus, unit, class: Class::Probe, pdu: &pdu };
     let mut pending = gateway.desk.submit(clock::now(), order)?;
     pending.answer(|answer| answer.map(|_| ())).await
 }

@@ -6,20 +6,26 @@ use puente_drives::edb::Parameter;
 use puente_line::Duration;
 use serde::Deserialize;
 
-use super::super::{Gateway, Guest};
+use super::super::system::System;
+use super::super::{End, Gateway, Guest};
 use super::head::{Head, Method, hash};
 use super::page::Asset;
 use super::problem::{HOLD_MS, Problem};
 use super::reply::Reply;
 use super::resource::{Command, Resource};
-use super::{Fault, metrics, view};
+use super::{Fault, config, metrics, view};
 use crate::axis::{AxisError, Commander};
 use crate::clock;
 use crate::desk::Holder;
-use crate::port::limits::AXES;
+use crate::port::journal;
+use crate::port::limits::{AXES, JOURNAL_LINE};
+use crate::settings::keeper::Lent;
 
 /// Values of a drive that are not older than this are not read again.
 const FRESH: Duration = Duration::from_millis(400);
+
+// A line of the log fits an empty sheet.
+const _: () = assert!(JOURNAL_LINE < super::reply::BODY);
 
 /// What was asked for, in terms of this gateway: the request itself is not needed any more.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,7 +37,22 @@ pub(super) enum Task {
     Parameter(u8, Parameter),
     SetParameter(u8, Parameter, u16),
     Buses,
+    System,
+    Log,
     Metrics,
+    Config,
+    ConfigState,
+    Change(Change),
+}
+
+/// What is done about the settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Change {
+    /// The document on the form is put.
+    Put,
+    /// The factory settings are.
+    Delete,
+    Confirm,
 }
 
 /// What an axis is told.
@@ -72,7 +93,7 @@ pub(super) fn understand(
     if !resource.takes(head.method) {
         return Err(Problem::Method(resource.methods()));
     }
-    if head.foreign && matches!(head.method, Method::Post | Method::Put) {
+    if head.foreign && matches!(head.method, Method::Post | Method::Put | Method::Delete) {
         return Err(Problem::Origin);
     }
     Ok(match resource {
@@ -89,7 +110,16 @@ pub(super) fn understand(
             }
         }
         Resource::Buses => Task::Buses,
+        Resource::System => Task::System,
+        Resource::Log => Task::Log,
         Resource::Metrics => Task::Metrics,
+        Resource::Config => match head.method {
+            Method::Put => Task::Change(Change::Put),
+            Method::Delete => Task::Change(Change::Delete),
+            _ => Task::Config,
+        },
+        Resource::ConfigState => Task::ConfigState,
+        Resource::Confirm => Task::Change(Change::Confirm),
     })
 }
 
@@ -126,8 +156,13 @@ pub(super) struct Call<'a> {
 }
 
 impl Call<'_> {
-    /// Carries a task out and sends the reply.
-    pub(super) async fn answer<W: Write>(&self, task: Task, reply: &mut Reply<'_, W>) -> Result<(), Fault> {
+    /// Carries a task out and sends the reply. A document that came with it is on the form.
+    pub(super) async fn answer<W: Write>(
+        &self,
+        task: Task,
+        form: Option<Lent<'_>>,
+        reply: &mut Reply<'_, W>,
+    ) -> Result<(), Fault> {
         match task {
             Task::Asset(asset) => reply.asset(asset).await?,
             Task::Axes => self.axes(reply).await?,
@@ -151,7 +186,12 @@ impl Call<'_> {
                 self.value(id, parameter, value, reply).await?;
             }
             Task::Buses => self.buses(reply).await?,
+            Task::System => reply.value(&System(self.gateway)).await?,
+            Task::Log => log(reply).await?,
             Task::Metrics => metrics::send(self.gateway, reply).await?,
+            Task::Config => config::send(self.gateway.settings, reply).await?,
+            Task::ConfigState => reply.value(&view::ConfigState::new(self.gateway.keeper)).await?,
+            Task::Change(change) => config::change(self, change, form, reply).await?,
         }
         Ok(())
     }
@@ -236,6 +276,16 @@ impl Call<'_> {
         reply.put(format_args!("]")).await?;
         Ok(reply.finish().await?)
     }
+}
+
+/// The recent lines of the log, up to the one that was the last when it was asked for.
+async fn log<W: Write>(reply: &mut Reply<'_, W>) -> Result<(), End> {
+    reply.content_type("text/plain; charset=utf-8");
+    let (mut mark, end) = (journal::Mark::default(), journal::end());
+    while mark < end {
+        reply.take(|room| journal::read(&mut mark, room)).await?;
+    }
+    reply.finish().await
 }
 
 fn json<'a, T: Deserialize<'a>>(body: &'a [u8], expected: &'static str) -> Result<T, Problem> {

@@ -2,7 +2,7 @@
 
 use super::problem::Problem;
 
-/// Longest body, in bytes.
+/// Longest body but for a settings document, in bytes.
 pub(super) const MAX_BODY: usize = 256;
 /// Most header fields. Browsers send about 20.
 const MAX_FIELDS: usize = 48;
@@ -13,6 +13,7 @@ pub(super) enum Method {
     Head,
     Post,
     Put,
+    Delete,
     Other,
 }
 
@@ -22,7 +23,7 @@ pub(super) struct Head<'r> {
     pub method: Method,
     /// Path without query.
     pub path: &'r str,
-    /// Bytes of the body that follows, at most [`MAX_BODY`].
+    /// Bytes of the body that follows.
     pub body: usize,
     /// The client understands HTTP/1.1, and so chunks.
     pub chunks: bool,
@@ -55,6 +56,7 @@ impl<'r> Head<'r> {
                 Some("HEAD") => Method::Head,
                 Some("POST") => Method::Post,
                 Some("PUT") => Method::Put,
+                Some("DELETE") => Method::Delete,
                 _ => Method::Other,
             },
             path: path(request.path.unwrap_or_default()),
@@ -121,10 +123,8 @@ fn length(value: &[u8]) -> Result<usize, Problem> {
     if value.is_empty() || !value.iter().all(u8::is_ascii_digit) {
         return Err(Problem::Request("Content-Length is no number"));
     }
-    let number = value
-        .iter()
-        .fold(0_usize, |number, digit| number.saturating_mul(10).saturating_add(usize::from(digit - b'0')));
-    if number > MAX_BODY { Err(Problem::BodyTooLarge) } else { Ok(number) }
+    let digit = |number: usize, digit: &u8| number.saturating_mul(10).saturating_add((digit - b'0').into());
+    Ok(value.iter().fold(0, digit))
 }
 
 /// The path of a request target, which may come with the server's name before it and a query after it.

@@ -205,7 +205,7 @@ struct Seconds {
 
 impl Seconds {
     fn of(duration: puente_line::Duration) -> Self {
-        Self { micros: u64::try_from(duration.as_micros()).unwrap_or(u64::MAX) }
+        Self { micros: puente_line::micros(duration) }
     }
 }
 

@@ -1,6 +1,7 @@
 //! HTTP/1.1: the page at `/`, the JSON interface under `/api`, and `/metrics`. docs/http.md tells what they say.
 
 mod api;
+mod config;
 mod head;
 mod metrics;
 mod page;
@@ -16,17 +17,21 @@ use embedded_io_async::{Read, Write};
 use super::inbox::Inbox;
 use super::{End, Gateway, Guest, idle, send};
 use crate::axis::Commander;
+use crate::settings::keeper::{DOCUMENT, Lent};
 use api::{Call, Task};
-use head::{Head, Method};
+use head::{Head, MAX_BODY, Method};
 use problem::Problem;
 pub use reply::Sheets;
 use reply::{Manner, Reply};
+use resource::Resource;
 
 /// A request that has begun must be whole within this time.
 const WHOLE: Duration = Duration::from_secs(5);
 
 /// A browser leaves connections open that it does not need, so they are closed sooner than others.
 const KEPT_OPEN: Duration = Duration::from_secs(15);
+
+const CONTINUE: &[u8] = b"HTTP/1.1 100 Continue\r\n\r\n";
 
 /// Why a request is not answered as asked.
 #[derive(Debug)]
@@ -73,7 +78,7 @@ async fn exchange<R: Read, W: Write>(
 ) -> Result<(), End> {
     await_request(gateway, inbox).await?;
     let taken = with_timeout(WHOLE, take(gateway, guest, inbox, writer)).await;
-    let Request { manner, by, task } = match taken.unwrap_or(Err(Problem::Timeout.into())) {
+    let Request { manner, by, task, form } = match taken.unwrap_or(Err(Problem::Timeout.into())) {
         Ok(request) => request,
         Err(Fault::End(end)) => return Err(end),
         Err(Fault::Problem(problem)) => {
@@ -85,7 +90,7 @@ async fn exchange<R: Read, W: Write>(
     };
     let mut reply = Reply::new(writer, &gateway.sheets, manner);
     let answered = match task {
-        Ok(task) => (Call { gateway, by }).answer(task, &mut reply).await,
+        Ok(task) => (Call { gateway, by }).answer(task, form, &mut reply).await,
         Err(problem) => Err(problem.into()),
     };
     match answered {
@@ -107,16 +112,20 @@ async fn await_request<R: Read>(gateway: &Gateway, inbox: &mut Inbox<'_, R>) -> 
 }
 
 /// A request that has arrived in whole.
-struct Request {
+struct Request<'g> {
     manner: Manner,
     by: Commander,
     task: Result<Task, Problem>,
+    /// With the settings document, where one came with it.
+    form: Option<Lent<'g>>,
 }
 
 /// How far a request has come.
 enum Progress {
     /// It has so many bytes.
-    Whole(Request, usize),
+    Whole(Request<'static>, usize),
+    /// It has so many bytes, and a settings document of so many follows, for which its client may wait for leave.
+    Document(Request<'static>, usize, usize, bool),
     /// Its client waits for leave to send the body.
     Expecting,
     /// More is to come.
@@ -124,12 +133,12 @@ enum Progress {
 }
 
 /// Takes the next request out of the inbox as soon as it is whole.
-async fn take<R: Read, W: Write>(
-    gateway: &Gateway,
+async fn take<'g, R: Read, W: Write>(
+    gateway: &'g Gateway,
     guest: Guest,
     inbox: &mut Inbox<'_, R>,
     writer: &mut W,
-) -> Result<Request, Fault> {
+) -> Result<Request<'g>, Fault> {
     let mut encouraged = false;
     loop {
         match progress(gateway, guest, inbox.data())? {
@@ -137,9 +146,19 @@ async fn take<R: Read, W: Write>(
                 inbox.consume(length);
                 return Ok(request);
             }
+            Progress::Document(request, head, body, expecting) => {
+                let task = Ok(request.task?);
+                let form = gateway.keeper.lend().ok_or(Problem::Busy)?;
+                inbox.consume(head);
+                if expecting {
+                    send(writer, CONTINUE).await?;
+                }
+                let form = Some(config::receive(form, inbox, body).await?);
+                return Ok(Request { task, form, ..request });
+            }
             Progress::Expecting if !encouraged => {
                 encouraged = true;
-                send(writer, b"HTTP/1.1 100 Continue\r\n\r\n").await?;
+                send(writer, CONTINUE).await?;
             }
             Progress::Expecting | Progress::Partial => {}
         }
@@ -157,15 +176,29 @@ fn progress(gateway: &Gateway, guest: Guest, data: &[u8]) -> Result<Progress, Pr
     let Some((head, length)) = Head::parse(data)? else {
         return Ok(Progress::Partial);
     };
-    let whole = length + head.body;
-    let Some(body) = data.get(length..whole) else {
-        return Ok(if head.expects_continue { Progress::Expecting } else { Progress::Partial });
-    };
     let manner = Manner {
         chunks: head.chunks,
         body: head.method != Method::Head,
         keep_alive: head.keep_alive && !guest.stop_only,
     };
-    let task = api::understand(gateway, guest, &head, body);
-    Ok(Progress::Whole(Request { manner, by: api::commander(guest, &head), task }, whole))
+    let request = |body| Request {
+        manner,
+        by: api::commander(guest, &head),
+        task: api::understand(gateway, guest, &head, body),
+        form: None,
+    };
+    let document = head.method == Method::Put && Resource::find(head.path) == Some(Resource::Config);
+    let most = if document { DOCUMENT } else { MAX_BODY };
+    if head.body > most {
+        return Err(Problem::BodyTooLarge(most));
+    }
+    if document {
+        return Ok(Progress::Document(request(&[]), length, head.body, head.expects_continue));
+    }
+    let whole = length + head.body;
+    Ok(match data.get(length..whole) {
+        Some(body) => Progress::Whole(request(body), whole),
+        None if head.expects_continue => Progress::Expecting,
+        None => Progress::Partial,
+    })
 }

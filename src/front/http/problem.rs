@@ -4,9 +4,10 @@ use core::fmt;
 
 use serde::{Serialize, Serializer};
 
-use super::head::MAX_BODY;
 use super::status::{self, Status};
 use crate::axis::AxisError;
+use crate::settings::keeper::TRIAL;
+use crate::settings::{self, json};
 
 /// Bounds of `hold_ms`, in ms.
 pub(super) const HOLD_MS: core::ops::RangeInclusive<u32> = 50..=5000;
@@ -34,29 +35,45 @@ pub(super) enum Problem {
     Timeout,
     /// The length of the body is not told beforehand.
     LengthRequired,
-    /// The body is longer than [`MAX_BODY`].
-    BodyTooLarge,
+    /// The body is longer than this.
+    BodyTooLarge(usize),
     /// The head is longer than what is kept of a client.
     HeadTooLarge,
     /// All places are taken: only stop and disable are served.
     Full,
     /// The axis refused, or its drive gave no reply.
     Axis(AxisError),
+    /// The body is no settings document.
+    Document(json::Error),
+    /// Another client is changing the settings.
+    Busy,
+    /// The settings cannot be changed here.
+    ReadOnly,
+    /// Other settings are on trial.
+    OnTrial,
+    /// No settings are on trial.
+    NoTrial,
+    /// An axis may be in motion.
+    Moving,
+    /// The settings could not be kept.
+    Flash,
 }
 
 impl Problem {
     pub(super) const fn status(&self) -> Status {
         match self {
             Problem::Head(_) | Problem::Request(_) | Problem::Json(_) => status::BAD_REQUEST,
-            Problem::Hold(_) | Problem::Parameter(_) => status::BAD_REQUEST,
+            Problem::Hold(_) | Problem::Parameter(_) | Problem::Document(_) => status::BAD_REQUEST,
             Problem::Origin => status::FORBIDDEN,
             Problem::NotFound => status::NOT_FOUND,
             Problem::Method(_) => status::METHOD_NOT_ALLOWED,
             Problem::Timeout => status::REQUEST_TIMEOUT,
             Problem::LengthRequired => status::LENGTH_REQUIRED,
-            Problem::BodyTooLarge => status::CONTENT_TOO_LARGE,
+            Problem::BodyTooLarge(_) => status::CONTENT_TOO_LARGE,
             Problem::HeadTooLarge => status::HEADERS_TOO_LARGE,
-            Problem::Full => status::SERVICE_UNAVAILABLE,
+            Problem::Full | Problem::Busy => status::SERVICE_UNAVAILABLE,
+            Problem::ReadOnly | Problem::OnTrial | Problem::NoTrial | Problem::Moving => status::CONFLICT,
+            Problem::Flash => status::INTERNAL_ERROR,
             Problem::Axis(error) => axis_status(error),
         }
     }
@@ -73,7 +90,15 @@ impl Problem {
             Problem::Method(_) => "method",
             Problem::Timeout => "timeout",
             Problem::LengthRequired => "length-required",
-            Problem::BodyTooLarge | Problem::HeadTooLarge => "too-large",
+            Problem::BodyTooLarge(_) | Problem::HeadTooLarge => "too-large",
+            Problem::Document(json::Error::Version(_)) => BadSettings::CODE,
+            Problem::Document(json::Error::Json(_)) => "bad-json",
+            Problem::Busy => "busy",
+            Problem::ReadOnly => "read-only",
+            Problem::OnTrial => "on-trial",
+            Problem::NoTrial => "no-trial",
+            Problem::Moving => "moving",
+            Problem::Flash => "flash",
             Problem::Full => "full",
             Problem::Axis(error) => error.code(),
         }
@@ -107,7 +132,7 @@ impl fmt::Display for Problem {
             Problem::Method(allowed) => write!(f, "this path takes {allowed}"),
             Problem::Timeout => f.write_str("the request did not come to its end in time"),
             Problem::LengthRequired => f.write_str("the body needs a Content-Length"),
-            Problem::BodyTooLarge => write!(f, "the body may have at most {MAX_BODY} bytes"),
+            Problem::BodyTooLarge(most) => write!(f, "the body may have at most {most} bytes"),
             Problem::HeadTooLarge => f.write_str("the head of the request is too long"),
             Problem::Full => {
                 f.write_str("all places for clients are taken; only stop and disable are served")
@@ -116,8 +141,30 @@ impl fmt::Display for Problem {
                 f.write_str("no axis has this name; GET /api/axes lists them")
             }
             Problem::Axis(error) => error.fmt(f),
+            Problem::Document(error) => error.fmt(f),
+            Problem::Busy => f.write_str("another client is changing the settings; try again"),
+            Problem::ReadOnly => f.write_str("this gateway has no flash to keep settings in"),
+            Problem::OnTrial => write!(
+                f,
+                "network settings are on trial; confirm them, or wait until they are taken back after {} s",
+                TRIAL.as_secs()
+            ),
+            Problem::NoTrial => {
+                f.write_str("no settings are on trial; they are confirmed, or were taken back")
+            }
+            Problem::Moving => f.write_str(
+                "an axis is commanded, is being stopped or turns; settings are changed at standstill only",
+            ),
+            Problem::Flash => f.write_str("the flash failed; the settings are as before"),
         }
     }
+}
+
+/// What is wrong with a settings document.
+pub(super) struct BadSettings<'a>(pub &'a settings::Problem);
+
+impl BadSettings<'_> {
+    const CODE: &'static str = "settings";
 }
 
 impl From<AxisError> for Problem {
@@ -126,13 +173,22 @@ impl From<AxisError> for Problem {
     }
 }
 
+/// `{"code": .., "message": ..}`
+#[derive(Serialize)]
+#[serde(bound = "T: fmt::Display")]
+struct Error<T> {
+    code: &'static str,
+    message: super::view::Text<T>,
+}
+
 impl Serialize for Problem {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        #[derive(Serialize)]
-        struct Error<'a> {
-            code: &'static str,
-            message: super::view::Text<&'a Problem>,
-        }
         Error { code: self.code(), message: super::view::Text(self) }.serialize(serializer)
+    }
+}
+
+impl Serialize for BadSettings<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Error { code: Self::CODE, message: super::view::Text(self.0) }.serialize(serializer)
     }
 }

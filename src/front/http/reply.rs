@@ -10,9 +10,10 @@ use static_cell::ConstStaticCell;
 
 use super::super::{End, send};
 use super::page::{Asset, POLICY};
-use super::problem::Problem;
+use super::problem::{BadSettings, Problem};
 use super::status::{self, Status};
 use crate::port::limits::SHEETS;
+use crate::settings;
 
 /// Room before the body, for the head or the length of a chunk. The longest head is that of the page.
 const FRONT: usize = 512;
@@ -52,6 +53,11 @@ impl Sheets {
             let _ = sheets.try_send(sheet);
         }
         Self(sheets)
+    }
+
+    /// How many nobody uses now.
+    pub(in crate::front) fn free(&self) -> usize {
+        self.0.len()
     }
 
     async fn lend(&self) -> Lent<'_> {
@@ -112,14 +118,28 @@ impl<'w, W: Write> Reply<'w, W> {
 
     /// Sends why there is nothing else. Nothing may have been appended before.
     pub(super) async fn problem(&mut self, problem: &Problem) -> Result<(), End> {
+        let allow = if let Problem::Method(methods) = problem { Some(*methods) } else { None };
+        self.error(problem.status(), problem, allow).await
+    }
+
+    /// Sends what is wrong with a settings document.
+    pub(super) async fn bad_settings(&mut self, problem: &settings::Problem) -> Result<(), End> {
+        self.error(status::BAD_REQUEST, &BadSettings(problem), None).await
+    }
+
+    async fn error(
+        &mut self,
+        status: Status,
+        error: &impl Serialize,
+        allow: Option<&'static str>,
+    ) -> Result<(), End> {
         #[derive(Serialize)]
-        struct Body<'a> {
-            error: &'a Problem,
+        struct Body<'a, E> {
+            error: &'a E,
         }
         self.filled = 0;
-        self.json(&Body { error: problem }).await?;
-        let allow = if let Problem::Method(methods) = problem { Some(*methods) } else { None };
-        self.whole(problem.status(), allow).await
+        self.json(&Body { error }).await?;
+        self.whole(status, allow).await
     }
 
     /// Sends a file of the page.
@@ -152,6 +172,14 @@ impl<'w, W: Write> Reply<'w, W> {
             Some(cursor.filled)
         })
         .await
+    }
+
+    /// Appends what `take` puts into the room that is left; where it takes nothing the next room is larger.
+    pub(super) async fn take(&mut self, mut take: impl FnMut(&mut [u8]) -> usize) -> Result<(), End> {
+        self.start().await;
+        let count = take(self.room());
+        self.filled += count;
+        if count == 0 && self.filled > 0 { self.piece(false).await } else { Ok(()) }
     }
 
     /// Appends what `fill` writes; it says none where the room does not do.

@@ -20,8 +20,18 @@ pub(super) enum Resource<'p> {
     Parameter(&'p str, &'p str),
     /// `/api/buses`
     Buses,
+    /// `/api/system`
+    System,
+    /// `/api/log`
+    Log,
     /// `/metrics`
     Metrics,
+    /// `/api/config`
+    Config,
+    /// `/api/config/confirm`
+    Confirm,
+    /// `/api/config/state`
+    ConfigState,
 }
 
 /// What an axis can be told.
@@ -46,6 +56,11 @@ impl<'p> Resource<'p> {
             ["api", "axes", axis, command] => Resource::Command(axis, Command::find(command)?),
             ["api", "axes", axis, "parameters", parameter] => Resource::Parameter(axis, parameter),
             ["api", "buses"] => Resource::Buses,
+            ["api", "config"] => Resource::Config,
+            ["api", "config", "confirm"] => Resource::Confirm,
+            ["api", "config", "state"] => Resource::ConfigState,
+            ["api", "system"] => Resource::System,
+            ["api", "log"] => Resource::Log,
             ["metrics"] => Resource::Metrics,
             [name] => Resource::Asset(page::asset(name)?),
             _ => return None,
@@ -55,19 +70,26 @@ impl<'p> Resource<'p> {
     /// The methods it takes, as in the header field `Allow`.
     pub(super) const fn methods(&self) -> &'static str {
         match self {
-            Resource::Command(..) => "POST",
+            Resource::Command(..) | Resource::Confirm => "POST",
             Resource::Parameter(..) => "GET, HEAD, PUT",
-            Resource::Asset(_) | Resource::Axes | Resource::Axis(_) | Resource::Buses | Resource::Metrics => {
-                "GET, HEAD"
-            }
+            Resource::Config => "GET, HEAD, PUT, DELETE",
+            Resource::Asset(_)
+            | Resource::Axes
+            | Resource::Axis(_)
+            | Resource::Buses
+            | Resource::System
+            | Resource::Log
+            | Resource::Metrics
+            | Resource::ConfigState => "GET, HEAD",
         }
     }
 
     pub(super) const fn takes(&self, method: Method) -> bool {
         match method {
-            Method::Get | Method::Head => !matches!(self, Resource::Command(..)),
-            Method::Post => matches!(self, Resource::Command(..)),
-            Method::Put => matches!(self, Resource::Parameter(..)),
+            Method::Get | Method::Head => !matches!(self, Resource::Command(..) | Resource::Confirm),
+            Method::Post => matches!(self, Resource::Command(..) | Resource::Confirm),
+            Method::Put => matches!(self, Resource::Parameter(..) | Resource::Config),
+            Method::Delete => matches!(self, Resource::Config),
             Method::Other => false,
         }
     }
@@ -105,6 +127,11 @@ mod tests {
             ("/api/axes/x/stop", Resource::Command("x", Command::Stop)),
             ("/api/axes/x/parameters/Pn037", Resource::Parameter("x", "Pn037")),
             ("/api/buses", Resource::Buses),
+            ("/api/config", Resource::Config),
+            ("/api/config/confirm", Resource::Confirm),
+            ("/api/config/state", Resource::ConfigState),
+            ("/api/system", Resource::System),
+            ("/api/log", Resource::Log),
             ("/metrics", Resource::Metrics),
             ("/", Resource::Asset(&page::INDEX)),
         ] {
@@ -129,8 +156,13 @@ mod tests {
 
     #[test]
     fn methods_are_those_listed() {
-        let names =
-            [("GET", Method::Get), ("HEAD", Method::Head), ("POST", Method::Post), ("PUT", Method::Put)];
+        let names = [
+            ("GET", Method::Get),
+            ("HEAD", Method::Head),
+            ("POST", Method::Post),
+            ("PUT", Method::Put),
+            ("DELETE", Method::Delete),
+        ];
         for path in [
             "/",
             "/api/axes",
@@ -138,6 +170,11 @@ mod tests {
             "/api/axes/x/jog",
             "/api/axes/x/parameters/a",
             "/api/buses",
+            "/api/config",
+            "/api/config/confirm",
+            "/api/config/state",
+            "/api/system",
+            "/api/log",
             "/metrics",
         ] {
             let resource = Resource::find(path).expect("a path");

@@ -14,6 +14,7 @@ pub(super) const CONFLICT: Status = Status(409, "Conflict");
 pub(super) const LENGTH_REQUIRED: Status = Status(411, "Length Required");
 pub(super) const CONTENT_TOO_LARGE: Status = Status(413, "Content Too Large");
 pub(super) const HEADERS_TOO_LARGE: Status = Status(431, "Request Header Fields Too Large");
+pub(super) const INTERNAL_ERROR: Status = Status(500, "Internal Server Error");
 pub(super) const BAD_GATEWAY: Status = Status(502, "Bad Gateway");
 pub(super) const SERVICE_UNAVAILABLE: Status = Status(503, "Service Unavailable");
 pub(super) const GATEWAY_TIMEOUT: Status = Status(504, "Gateway Timeout");

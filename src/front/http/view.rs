@@ -4,14 +4,16 @@ use core::fmt;
 
 use heapless::Vec;
 use puente_drives::edb::{self, Parameter, Status};
-use puente_line::Instant;
+use puente_line::{Instant, millis};
 use puente_modbus::Counters;
 use serde::{Serialize, Serializer};
 
 use super::problem::Problem;
 use crate::axis::{AxisError, AxisSpec, Jog, Known};
+use crate::clock;
 use crate::desk::{Event, Holder, Statistics};
 use crate::settings;
+use crate::settings::keeper::{Keeper, TRIAL};
 
 /// A value that is shown as the text it has for people.
 pub(super) struct Text<T>(pub T);
@@ -120,10 +122,6 @@ impl Lease {
     fn new((holder, left): (Holder, puente_line::Duration)) -> Self {
         Self { holder: Text(holder), left_ms: millis(left) }
     }
-}
-
-pub(super) fn millis(duration: puente_line::Duration) -> u64 {
-    u64::try_from(duration.as_millis()).unwrap_or(u64::MAX)
 }
 
 /// The commanded jog in r/min, where it is known.
@@ -300,6 +298,33 @@ impl Line {
             garbage_bytes,
             line_errors,
         }
+    }
+}
+
+/// The settings in force: where they come from, and for how long they stay where nobody confirms them.
+#[derive(Serialize)]
+pub(super) struct ConfigState {
+    settings: &'static str,
+    trial_left_s: Option<u64>,
+}
+
+impl ConfigState {
+    pub(super) fn new(keeper: &Keeper) -> Self {
+        let left = keeper.trial_left(clock::now());
+        Self { settings: keeper.source().name(), trial_left_s: left.map(|left| millis(left).div_ceil(1000)) }
+    }
+}
+
+/// A change of the settings that has been accepted.
+#[derive(Serialize)]
+pub(super) struct Changed {
+    restart: bool,
+    confirm_within_s: Option<u64>,
+}
+
+impl Changed {
+    pub(super) fn new(on_trial: bool) -> Self {
+        Self { restart: true, confirm_within_s: on_trial.then_some(TRIAL.as_secs()) }
     }
 }
 

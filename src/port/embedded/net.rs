@@ -1,24 +1,29 @@
 //! TCP/IP over a board's Ethernet.
 
+use embassy_executor::Spawner;
 use embassy_net::driver::Driver;
 use embassy_net::{Config, Runner, Stack, StackResources};
 use static_cell::StaticCell;
 
+use super::address::{Address, join};
 use super::limits::SLOTS;
+use super::socket::{Place, Ports, places};
 use crate::port::Link;
 
-/// One for every client, one for DHCP, one for mDNS.
-const SOCKETS: usize = SLOTS + 2;
-
-/// The stack, without an address yet, and what has to run for it. `seed` makes TCP sequence numbers hard to guess. Call
-/// it once.
-pub(in crate::port) fn stack<D: Driver>(device: D, seed: u64) -> (Stack<'static>, Runner<'static, D>) {
-    static RESOURCES: StaticCell<StackResources<SOCKETS>> = StaticCell::new();
-    embassy_net::new(device, Config::default(), RESOURCES.init_with(StackResources::new), seed)
-}
+/// One for every client, one for DHCP, one for mDNS; one more for the echo in images for tests.
+const SOCKETS: usize = SLOTS + 2 + cfg!(feature = "test-hooks") as usize;
 
 /// The board's connection to its network.
-pub struct Network(pub(in crate::port) Stack<'static>);
+pub struct Network(Stack<'static>);
+
+/// The network, without an address yet, and what has to run for it. `seed` makes TCP sequence numbers hard to guess.
+/// Call it once.
+pub(in crate::port) fn network<D: Driver>(device: D, seed: u64) -> (Network, Runner<'static, D>) {
+    static RESOURCES: StaticCell<StackResources<SOCKETS>> = StaticCell::new();
+    let (stack, runner) =
+        embassy_net::new(device, Config::default(), RESOURCES.init_with(StackResources::new), seed);
+    (Network(stack), runner)
+}
 
 impl Network {
     /// Its state.
@@ -28,5 +33,18 @@ impl Network {
             (true, false) => Link::NoAddress,
             (true, true) => Link::Up,
         }
+    }
+
+    /// The places for clients on the main and the Modbus/TCP port. Call it once.
+    pub fn places(&self, main: u16, modbus: u16) -> [Place; SLOTS] {
+        places(self.0, Ports { main, modbus })
+    }
+
+    /// Gets an address, and makes itself known with these TCP ports. Call it once.
+    pub fn join(&self, spawner: Spawner, address: Address, main: u16, modbus: u16) {
+        let join = join(self.0, address, Ports { main, modbus });
+        spawner.spawn(join.expect("the network is joined once"));
+        #[cfg(feature = "test-hooks")]
+        spawner.spawn(super::echo::serve(self.0).expect("the network is joined once"));
     }
 }

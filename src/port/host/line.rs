@@ -9,6 +9,7 @@ use async_io::Async;
 use embassy_time::{Duration, Timer, with_timeout};
 use embedded_io_async::{ErrorType, Read, Write};
 use puente_line::Settings;
+use puente_modbus::Mode;
 
 use super::sim::Sim;
 use super::tty;
@@ -69,6 +70,11 @@ impl LineSpec {
             LineSpec::Tcp(address) => address,
         }
     }
+}
+
+/// Whether a bus can have this `port`. Whether there is such a device tells only its use.
+pub fn check_line(port: &str, settings: Settings) -> Result<(), BadPort> {
+    LineSpec::parse(port, settings, || puente_cell::Config::new(Mode::Ascii, settings, &[])).map(|_| ())
 }
 
 enum Wire {

@@ -1,14 +1,22 @@
 //! The host port: OS sockets, serial devices, raw TCP lines, and the simulated cell in process.
 
+pub mod defaults;
+mod flash;
 pub mod limits;
 mod line;
+mod log;
 mod net;
 mod restart;
 mod scheduling;
 mod sim;
 mod tty;
+mod vital;
 
-pub use line::{BadPort, Line, LineSpec};
+pub use flash::Flash;
+pub use line::{BadPort, Line, LineSpec, check_line};
+pub use log::start_log;
+pub(super) use log::{log, logs};
 pub use net::{Doors, Place};
 pub use restart::restart;
 pub use scheduling::exact_timers;
+pub use vital::{history, may_move, stack, temperature};

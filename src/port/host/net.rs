@@ -36,6 +36,22 @@ impl Doors {
         Ok(Self { main: Arc::new(open(port)?), modbus: Arc::new(open(modbus_port)?) })
     }
 
+    /// The next client, if no other place takes it.
+    ///
+    /// It is not taken before the system has told of it: thereby those who have gone are noticed as soon as those who come.
+    /// Otherwise a fast succession of clients is taken for a crowd while the thread is late that hears from the system.
+    async fn next(&self) -> io::Result<Option<HostSocket>> {
+        let (door, listener) = match select(self.main.readable(), self.modbus.readable()).await {
+            Either::First(told) => told.map(|()| (Door::Main, &self.main)),
+            Either::Second(told) => told.map(|()| (Door::Modbus, &self.modbus)),
+        }?;
+        let (stream, from) = match listener.get_ref().accept() {
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(None),
+            accepted => accepted?,
+        };
+        HostSocket::new(Async::new(stream)?, from, door).map(Some)
+    }
+
     /// Where they listen: main door, Modbus/TCP door.
     pub fn addresses(&self) -> io::Result<(SocketAddr, SocketAddr)> {
         Ok((self.main.get_ref().local_addr()?, self.modbus.get_ref().local_addr()?))
@@ -50,12 +66,9 @@ impl Listener for Place {
 
     async fn accept(&mut self) -> HostSocket {
         loop {
-            let accepted = match select(self.0.main.accept(), self.0.modbus.accept()).await {
-                Either::First(accepted) => accepted.map(|accepted| (accepted, Door::Main)),
-                Either::Second(accepted) => accepted.map(|accepted| (accepted, Door::Modbus)),
-            };
-            match accepted.and_then(|((stream, from), door)| HostSocket::new(stream, from, door)) {
-                Ok(socket) => return socket,
+            match self.0.next().await {
+                Ok(Some(socket)) => return socket,
+                Ok(None) => {}
                 Err(error) => {
                     // Out of file descriptors, or a client that is gone already.
                     log::warn!("cannot accept a client: {error}");

@@ -22,6 +22,11 @@ impl fmt::Display for BadPort {
     }
 }
 
+/// Whether a bus can have this `port`. The lines take any baud rate and format.
+pub fn check_line(port: &str, _: Settings) -> Result<(), BadPort> {
+    if matches!(port, "rs485-a" | "rs485-b") { Ok(()) } else { Err(BadPort) }
+}
+
 impl Lines {
     /// All lines. Call it once.
     pub(super) fn new() -> Self {

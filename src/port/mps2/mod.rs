@@ -4,7 +4,7 @@
 
 mod clock;
 mod executor;
-mod fault;
+mod flash;
 mod host;
 mod interrupt;
 mod lan9118;
@@ -12,18 +12,23 @@ mod leds;
 mod line;
 mod lines;
 mod log;
+mod pacer;
 mod registers;
 mod stack;
+mod watchdog;
 
 use embassy_executor::{SendSpawner, Spawner};
-use embassy_net::{Runner, Stack};
+use embassy_net::Runner;
 
 pub use executor::run;
+pub use flash::Flash;
 pub use leds::Leds;
 pub use line::Line;
-pub use lines::{BadPort, Lines};
+pub use lines::{BadPort, Lines, check_line};
+pub(super) use log::{last_words, log, logs};
+pub use watchdog::Watchdog;
 
-use crate::port::embedded::{self, Address, Network, Place, Ports, join, limits, places};
+use crate::port::embedded::{Network, network, vital};
 use lan9118::Lan9118;
 
 /// TCP sequence numbers can be guessed here: there is no source of random numbers, and nobody to guess them.
@@ -39,13 +44,21 @@ pub struct Board {
     pub leds: Leds,
     /// The board's MAC address.
     pub mac: [u8; 6],
-    stack: Stack<'static>,
+    /// The axes that may have moved when the board was reset, a bit each.
+    pub moving: u32,
+    /// The connection to the network.
+    pub network: Network,
+    /// Where the settings are kept.
+    pub flash: Option<Flash>,
+    /// The user button is held.
+    pub button: bool,
 }
 
 impl Board {
     /// Starts clock, network and executors. Call it once, first of all.
     #[inline(never)]
     pub fn start(spawner: Spawner) -> Self {
+        let moving = vital::begin(None);
         log::start();
         if let Some(mut core) = cortex_m::Peripherals::take() {
             interrupt::start(&mut core.NVIC);
@@ -53,30 +66,28 @@ impl Board {
         clock::start();
         let device = Lan9118::start();
         let mac = device.mac();
-        let (stack, runner) = embedded::stack(device, SEED);
-        spawner.spawn(network(runner).expect("the network task is started once"));
+        let (network, runner) = network(device, SEED);
+        spawner.spawn(network_task(runner).expect("the network task is started once"));
         spawner.spawn(stack::watch().expect("the watch is started once"));
-        Self { buses: executor::start(), lines: Lines::new(), leds: Leds, mac, stack }
-    }
-
-    /// The connection to the network.
-    pub fn network(&self) -> Network {
-        Network(self.stack)
-    }
-
-    /// Gets an address, and makes itself known with these TCP ports. Call it once.
-    pub fn join(&self, spawner: Spawner, address: Address, main: u16, modbus: u16) {
-        let join = join(self.stack, address, Ports { main, modbus });
-        spawner.spawn(join.expect("the network is joined once"));
-    }
-
-    /// The places for clients on the main and the Modbus/TCP port. Call it once.
-    pub fn places(&self, main: u16, modbus: u16) -> [Place; limits::SLOTS] {
-        places(self.stack, Ports { main, modbus })
+        Self {
+            buses: executor::start(),
+            lines: Lines::new(),
+            leds: Leds,
+            mac,
+            moving,
+            network,
+            flash: Flash::take(),
+            button: registers::EMULATOR.read(0) == 1,
+        }
     }
 }
 
+/// Temperature of the chip in degrees Celsius, where it has a sensor.
+pub fn temperature() -> Option<i16> {
+    None
+}
+
 #[embassy_executor::task]
-async fn network(mut runner: Runner<'static, Lan9118>) -> ! {
+async fn network_task(mut runner: Runner<'static, Lan9118>) -> ! {
     runner.run().await
 }

@@ -5,11 +5,16 @@
 pub(super) struct Registers(usize);
 
 pub(super) const TIMER0: Registers = Registers(0x4000_0000);
+pub(super) const TIMER1: Registers = Registers(0x4000_1000);
 pub(super) const DUALTIMER: Registers = Registers(0x4000_2000);
 pub(super) const UART1: Registers = Registers(0x4000_5000);
 pub(super) const UART2: Registers = Registers(0x4000_6000);
+pub(super) const WATCHDOG: Registers = Registers(0x4000_8000);
 pub(super) const SCC: Registers = Registers(0x4002_F000);
 pub(super) const ETHERNET: Registers = Registers(0xA000_0000);
+
+/// The emulator's own page of memory. Its first word: whether the user button is held, 1 where it is.
+pub(super) const EMULATOR: Registers = Registers(0x203F_F000);
 
 impl Registers {
     /// A peripheral's size in the memory map.
@@ -22,8 +27,8 @@ impl Registers {
 
     /// Reads the register at `offset`.
     pub(super) fn read(self, offset: usize) -> u32 {
-        // SAFETY: the constants above are the only values of this type, each a peripheral whose whole page answers;
-        // none of them accesses memory by itself.
+        // SAFETY: the constants above are the only values of this type, each a peripheral whose whole page answers,
+        // and which does not access memory by itself, or memory that nothing else uses.
         unsafe { self.at(offset).read_volatile() }
     }
 

@@ -18,7 +18,7 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Timer;
 
-use super::line::{Buffers, Spoilt};
+use super::line::{Arrival, Buffers};
 
 /// The pin, which the line raises and its interrupt lowers.
 pub(super) struct DriverEnable {
@@ -36,10 +36,10 @@ impl DriverEnable {
 
     /// What the status register tells of the character that is about to be fetched. To be called before embassy's
     /// handler of the interrupt,
-    pub(super) fn before(&self, usart: Usart) -> Spoilt {
+    pub(super) fn before(&self, usart: Usart) -> Arrival {
         self.last.store(usart.cr1().read().tcie(), Ordering::Relaxed);
         let status = usart.sr().read();
-        Spoilt { overrun: status.ore(), framing: status.fe(), parity: status.pe() }
+        Arrival { received: status.rxne(), overrun: status.ore(), framing: status.fe(), parity: status.pe() }
     }
 
     /// and this after it: where the handler has seen the end of the last character and had no other to send, the line

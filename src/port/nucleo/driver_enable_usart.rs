@@ -7,7 +7,7 @@ use embassy_stm32::usart::{
     BufferedInterruptHandler, BufferedUart, Config, ConfigError, DePin, Instance, RxPin, TxPin,
 };
 
-use super::line::{Buffers, Spoilt};
+use super::line::{Arrival, Buffers};
 
 /// How long driver-enable leads the first start bit, and how long it outlasts the last stop bit: 1 bit time (16/16).
 /// A MAX3485-class driver needs a few microseconds at most; every Modbus slave waits 3.5 characters.
@@ -23,9 +23,9 @@ impl DriverEnable {
 
     /// What the status register tells of the character that is about to be fetched. To be called before embassy's
     /// handler of the interrupt,
-    pub(super) fn before(&self, usart: Usart) -> Spoilt {
+    pub(super) fn before(&self, usart: Usart) -> Arrival {
         let status = usart.isr().read();
-        Spoilt { overrun: status.ore(), framing: status.fe(), parity: status.pe() }
+        Arrival { received: status.rxne(), overrun: status.ore(), framing: status.fe(), parity: status.pe() }
     }
 
     /// and this after it.

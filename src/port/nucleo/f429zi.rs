@@ -55,3 +55,18 @@ pub(super) fn prepare(_: &mut cortex_m::Peripherals) {
         access.set_prften(true);
     });
 }
+
+/// Baud rates that the USARTs can do at 42 MHz, with a divider of 16 bits.
+pub(super) const BAUD: core::ops::RangeInclusive<u32> = 641..=1_000_000;
+/// They cannot do 7 data bits without parity.
+pub(super) const SEVEN_BITS: bool = false;
+
+/// Size of a sector. The last two are in bank 2; the processor stands still where code in that bank runs meanwhile.
+pub(super) const SECTOR: usize = 128 * 1024;
+pub(super) const FLASH_READ: usize = 1;
+
+pub(super) fn flash_is_divided_as_known() -> bool {
+    true
+}
+
+pub(super) use super::flash::read_plain as read_flash;

@@ -5,7 +5,7 @@ use embassy_stm32::rcc::{
     AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv, PllSource, Sysclk,
 };
 use embassy_stm32::time::Hertz;
-use embassy_stm32::{Config, bind_interrupts, peripherals, rng};
+use embassy_stm32::{Config, bind_interrupts, pac, peripherals, rng};
 
 pub(super) use embassy_stm32::peripherals::{ADC1 as TemperatureAdc, CAN1, CAN2};
 
@@ -46,6 +46,22 @@ pub(super) fn config() -> Config {
     rcc.apb2_pre = APBPrescaler::DIV2;
     config
 }
+
+/// Baud rates that the USARTs can do at 54 MHz, with a divider of 16 bits.
+pub(super) const BAUD: core::ops::RangeInclusive<u32> = 824..=1_000_000;
+/// They can do 7 data bits without parity.
+pub(super) const SEVEN_BITS: bool = true;
+
+/// Size of a sector. There is one bank: the processor stands still while a sector is erased.
+pub(super) const SECTOR: usize = 256 * 1024;
+pub(super) const FLASH_READ: usize = 1;
+
+/// Where the option bit nDBANK has been taken away, there are two banks with smaller sectors.
+pub(super) fn flash_is_divided_as_known() -> bool {
+    pac::FLASH.optcr().read().n_dbank()
+}
+
+pub(super) use super::flash::read_plain as read_flash;
 
 /// Switches the instruction cache on, for flash has wait states; the data cache stays off: see net.rs. All memory is
 /// always clocked here.

@@ -61,3 +61,61 @@ pub(super) fn prepare(core: &mut cortex_m::Peripherals) {
     pac::RCC.ahb2enr().read();
     core.SCB.enable_icache();
 }
+
+/// Baud rates of the settings that the USARTs can do: all of them.
+pub(super) const BAUD: core::ops::RangeInclusive<u32> = 300..=1_000_000;
+/// They can do 7 data bits without parity.
+pub(super) const SEVEN_BITS: bool = true;
+
+/// Size of a sector. The last two are in bank 2; the image is in bank 1, so the processor goes on while they change.
+pub(super) const SECTOR: usize = 128 * 1024;
+/// Bytes that are read at once: those that have a checksum together.
+pub(super) const FLASH_READ: usize = 32;
+
+pub(super) fn flash_is_divided_as_known() -> bool {
+    true
+}
+
+/// Reads whole words of flash. One that was being written or erased when the power went may be beyond correction, and
+/// faults where it is read (RM0433, section 4.3.12); here it counts as zeros. Not tried on a board.
+pub(super) fn read_flash(address: usize, bytes: &mut [u8]) {
+    for (number, place) in bytes.chunks_exact_mut(FLASH_READ).enumerate() {
+        let word = (address + number * FLASH_READ) as *const [u8; FLASH_READ];
+        // SAFETY: the caller stays within the flash.
+        place.copy_from_slice(&unsafe { read_word(word) }.unwrap_or([0; FLASH_READ]));
+    }
+}
+
+/// A word of flash in bank 2, where it has its checksum.
+///
+/// # Safety
+/// There must be such a word at this address.
+unsafe fn read_word(word: *const [u8; FLASH_READ]) -> Option<[u8; FLASH_READ]> {
+    /// CCR: code that runs above all faults is not disturbed by its own bus faults (Armv7-M, B3.2.8).
+    const IGNORE_BUS_FAULTS: u32 = 1 << 8;
+    /// CFSR: all traces of bus faults.
+    const BUS_FAULTS: u32 = 0xFF << 8;
+    let bank = pac::FLASH.bank(1);
+    // SAFETY: its registers are those of the processor, and only this accesses these bits of them.
+    let scb = unsafe { &*cortex_m::peripheral::SCB::PTR };
+    // SAFETY: FAULTMASK is set for the time of a few reads, in thread mode, and the word is there to be read. Interrupts
+    // wait so long, which is less than a character takes on any line.
+    let bytes = unsafe {
+        core::arch::asm!("cpsid f", "dsb", "isb");
+        scb.ccr.modify(|flags| flags | IGNORE_BUS_FAULTS);
+        cortex_m::asm::dsb();
+        let bytes = word.read_volatile();
+        cortex_m::asm::dsb();
+        scb.cfsr.write(BUS_FAULTS);
+        scb.ccr.modify(|flags| flags & !IGNORE_BUS_FAULTS);
+        core::arch::asm!("cpsie f", "dsb", "isb");
+        bytes
+    };
+    let status = bank.sr().read();
+    // Left over, they would count as failures of the next writing.
+    bank.ccr().write(|clear| {
+        clear.set_clr_sneccerr(true);
+        clear.set_clr_dbeccerr(true);
+    });
+    (!status.dbeccerr()).then_some(bytes)
+}

@@ -1,13 +1,18 @@
 //! An RS-485 line: a USART, and the transceiver's driver-enable pin.
 
-use core::sync::atomic::{AtomicU8, Ordering};
+use core::future::poll_fn;
+use core::sync::atomic::{AtomicBool, AtomicU8, AtomicUsize, Ordering};
+use core::task::Poll;
 
 use embassy_stm32::gpio::Pull;
 use embassy_stm32::usart::{self, BufferedUart, Config, ConfigError, DataBits, StopBits};
+use embassy_sync::waitqueue::AtomicWaker;
 use embedded_io_async::{BufRead, ErrorKind, ErrorType, Read, Write};
 use puente_line::{Parity, Settings};
 
 use super::driver_enable::DriverEnable;
+#[cfg(feature = "test-hooks")]
+use crate::port::embedded::hooks;
 
 /// Longest frame that goes out in one piece: a Modbus ASCII frame has 513 characters.
 pub(super) const TRANSMIT: usize = 520;
@@ -20,8 +25,9 @@ pub(super) struct Buffers {
     pub received: &'static mut [u8; RECEIVE],
 }
 
-/// What is wrong with a received character.
-pub(super) struct Spoilt {
+/// What the status register tells of the character that is about to be fetched.
+pub(super) struct Arrival {
+    pub received: bool,
     pub overrun: bool,
     pub framing: bool,
     pub parity: bool,
@@ -56,32 +62,61 @@ impl embedded_io_async::Error for Error {
     }
 }
 
-/// Errors that the receiver saw, kept until somebody reads. embassy's driver drops them and passes the spoilt
-/// character on as a good one, so a handler of our own looks first.
-pub(super) struct Errors(AtomicU8);
+/// What embassy's driver does not do with received characters, so that handlers of our own do it before and after its
+/// own: it drops errors and passes the spoilt character on as a good one, and it wakes the reader at each character, or
+/// at a pause only.
+pub(super) struct Receiver {
+    /// Errors, kept until somebody reads.
+    errors: AtomicU8,
+    /// Characters that the reader still waits for.
+    expected: AtomicUsize,
+    /// The last of them is there, or one that nobody waits for.
+    due: AtomicBool,
+    reader: AtomicWaker,
+}
 
-impl Errors {
+impl Receiver {
     const OVERRUN: u8 = 1;
     const FRAMING: u8 = 2;
     const PARITY: u8 = 4;
 
     pub(super) const fn new() -> Self {
-        Self(AtomicU8::new(0))
+        Self {
+            errors: AtomicU8::new(0),
+            expected: AtomicUsize::new(1),
+            due: AtomicBool::new(false),
+            reader: AtomicWaker::new(),
+        }
     }
 
-    pub(super) fn keep(&self, spoilt: Spoilt) {
+    /// Before the character is fetched.
+    pub(super) fn arriving(&self, arrival: Arrival) {
         let flag = |set, bit| if set { bit } else { 0 };
-        let seen = flag(spoilt.overrun, Self::OVERRUN)
-            | flag(spoilt.framing, Self::FRAMING)
-            | flag(spoilt.parity, Self::PARITY);
+        let seen = flag(arrival.overrun, Self::OVERRUN)
+            | flag(arrival.framing, Self::FRAMING)
+            | flag(arrival.parity, Self::PARITY);
         if seen != 0 {
-            self.0.fetch_or(seen, Ordering::Relaxed);
+            self.errors.fetch_or(seen, Ordering::Relaxed);
+        }
+        if arrival.received {
+            // Nobody else writes at this priority, and nothing interrupts it.
+            let expected = self.expected.load(Ordering::Relaxed).saturating_sub(1);
+            self.expected.store(expected, Ordering::Relaxed);
+            self.due.store(expected == 0, Ordering::Relaxed);
+        }
+    }
+
+    /// After it was fetched.
+    pub(super) fn arrived(&self) {
+        if self.due.load(Ordering::Relaxed) {
+            self.due.store(false, Ordering::Relaxed);
+            self.reader.wake();
         }
     }
 
     /// The worst error since the last call.
-    fn take(&self) -> Option<Error> {
-        match self.0.swap(0, Ordering::Relaxed) {
+    fn take_error(&self) -> Option<Error> {
+        match self.errors.swap(0, Ordering::Relaxed) {
             0 => None,
             seen if seen & Self::OVERRUN != 0 => Some(Error::Overrun),
             seen if seen & Self::FRAMING != 0 => Some(Error::Framing),
@@ -94,7 +129,7 @@ impl Errors {
 pub struct Line {
     uart: BufferedUart<'static>,
     driver: &'static DriverEnable,
-    errors: &'static Errors,
+    receiver: &'static Receiver,
     /// Bits that are data: with 7 data bits and parity the receiver leaves the parity bit above them.
     data: u8,
 }
@@ -103,11 +138,11 @@ impl Line {
     pub(super) fn new(
         uart: BufferedUart<'static>,
         driver: &'static DriverEnable,
-        errors: &'static Errors,
+        receiver: &'static Receiver,
         settings: Settings,
     ) -> Self {
         let data = if settings.format.data_bits == 7 { 0x7F } else { 0xFF };
-        Self { uart, driver, errors, data }
+        Self { uart, driver, receiver, data }
     }
 }
 
@@ -129,8 +164,8 @@ pub(super) fn config(settings: Settings) -> Result<Config, ConfigError> {
         2 => StopBits::STOP2,
         _ => StopBits::STOP1,
     };
-    // Every character wakes the reader: frames that end by length are answered at once, and the times are exact.
-    config.eager_reads = Some(1);
+    // The driver wakes the reader at a pause of a character; `Receiver` does it where it waits for no more.
+    config.eager_reads = None;
     // A transceiver lets go of RO while it transmits where /RE is tied to DE.
     config.rx_pull = Pull::Up;
     Ok(config)
@@ -143,9 +178,16 @@ impl ErrorType for Line {
 impl Read for Line {
     /// Waits for characters. An error comes before the characters that it spoilt, which the next call returns.
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Error> {
+        #[cfg(feature = "test-hooks")]
+        hooks::reading();
         // Not consumed until copied, so that nothing is lost where this future is dropped or an error goes first.
+        let ready = poll_fn(|context| {
+            self.receiver.reader.register(context.waker());
+            Poll::Ready(())
+        });
+        ready.await;
         let received = self.uart.fill_buf().await.map_err(|_| Error::Overrun)?;
-        if let Some(error) = self.errors.take() {
+        if let Some(error) = self.receiver.take_error() {
             return Err(error);
         }
         let mut length = 0;
@@ -165,6 +207,8 @@ impl Write for Line {
         if characters.is_empty() {
             return Ok(0);
         }
+        #[cfg(feature = "test-hooks")]
+        hooks::writing().await;
         self.flush().await?;
         let piece = characters.get(..TRANSMIT).unwrap_or(characters);
         let raised = self.driver.raise().await;
@@ -179,7 +223,11 @@ impl Write for Line {
     }
 }
 
-impl crate::port::SerialLine for Line {}
+impl crate::port::SerialLine for Line {
+    fn expect(&mut self, count: usize) {
+        self.receiver.expected.store(count, Ordering::Relaxed);
+    }
+}
 
 /// One USART and its pins, ready to become a [`Line`].
 macro_rules! rs485 {
@@ -193,9 +241,9 @@ macro_rules! rs485 {
             use puente_line::Settings;
             use static_cell::ConstStaticCell;
 
-            use super::{Buffers, DriverEnable, Errors, Line, RECEIVE, TRANSMIT, config};
+            use super::{Buffers, DriverEnable, Line, RECEIVE, Receiver, TRANSMIT, config};
 
-            static ERRORS: Errors = Errors::new();
+            static RECEIVER: Receiver = Receiver::new();
             static DRIVER: DriverEnable = DriverEnable::new();
             static SENT: ConstStaticCell<[u8; TRANSMIT]> = ConstStaticCell::new([0; TRANSMIT]);
             static RECEIVED: ConstStaticCell<[u8; RECEIVE]> = ConstStaticCell::new([0; RECEIVE]);
@@ -205,7 +253,7 @@ macro_rules! rs485 {
 
             impl Handler<typelevel::$usart> for Before {
                 unsafe fn on_interrupt() {
-                    ERRORS.keep(DRIVER.before(pac::$usart));
+                    RECEIVER.arriving(DRIVER.before(pac::$usart));
                 }
             }
 
@@ -215,6 +263,7 @@ macro_rules! rs485 {
             impl Handler<typelevel::$usart> for After {
                 unsafe fn on_interrupt() {
                     DRIVER.after(pac::$usart);
+                    RECEIVER.arrived();
                 }
             }
 
@@ -239,7 +288,7 @@ macro_rules! rs485 {
                     let config = config(settings)?;
                     let uart =
                         DRIVER.open(self.usart, (self.rx, self.tx, self.de), Interrupts, buffers, config)?;
-                    Ok(Line::new(uart, &DRIVER, &ERRORS, settings))
+                    Ok(Line::new(uart, &DRIVER, &RECEIVER, settings))
                 }
             }
         }

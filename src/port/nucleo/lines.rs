@@ -2,9 +2,10 @@
 
 use core::fmt;
 
-use puente_line::Settings;
+use puente_line::{Parity, Settings};
 
-use super::line::{Line, a, b};
+use super::board;
+use super::line::{Line, a, b, config};
 
 /// The lines that are not open yet.
 pub struct Lines {
@@ -28,6 +29,18 @@ impl fmt::Display for BadPort {
             BadPort::Settings => "the USART cannot do this baud rate or format",
         })
     }
+}
+
+/// Whether a bus can have this `port`, with this baud rate and format.
+pub fn check_line(port: &str, settings: Settings) -> Result<(), BadPort> {
+    if !matches!(port, "rs485-a" | "rs485-b") {
+        return Err(BadPort::Unknown);
+    }
+    let format = settings.format;
+    let seven = format.data_bits == 7 && format.parity == Parity::None;
+    let can =
+        config(settings).is_ok() && (board::SEVEN_BITS || !seven) && board::BAUD.contains(&settings.baud);
+    if can { Ok(()) } else { Err(BadPort::Settings) }
 }
 
 impl Lines {

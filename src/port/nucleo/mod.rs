@@ -6,14 +6,16 @@
 mod calibration;
 mod can;
 mod executor;
-mod fault;
+mod flash;
 mod leds;
 mod line;
 mod lines;
 mod log;
 mod mac;
 mod net;
+mod reset;
 mod temperature;
+mod watchdog;
 
 #[cfg(feature = "nucleo-f429zi")]
 #[path = "f429zi.rs"]
@@ -33,18 +35,21 @@ mod driver_enable;
 mod driver_enable;
 
 use embassy_executor::{SendSpawner, Spawner};
-use embassy_net::Stack;
-use embassy_stm32::gpio::AnyPin;
+use embassy_stm32::gpio::{AnyPin, Input, Pull};
+use embassy_stm32::peripherals::PC13;
 use embassy_stm32::rng::Rng;
 use embassy_stm32::{Peri, uid};
 
 pub use executor::run;
+pub use flash::Flash;
 pub use leds::Leds;
 pub use line::{Error as LineError, Line};
-pub use lines::{BadPort, Lines};
+pub use lines::{BadPort, Lines, check_line};
+pub(super) use log::{last_words, log, logs};
 pub use temperature::temperature;
+pub use watchdog::Watchdog;
 
-use crate::port::embedded::{Address, Network, Place, Ports, join, limits, places};
+use crate::port::embedded::{Network, vital};
 
 /// What the board offers to the application.
 pub struct Board {
@@ -56,7 +61,14 @@ pub struct Board {
     pub leds: Leds,
     /// The board's MAC address.
     pub mac: [u8; 6],
-    stack: Stack<'static>,
+    /// The axes that may have moved when the board was reset, a bit each.
+    pub moving: u32,
+    /// The connection to the network.
+    pub network: Network,
+    /// Where the settings are kept; none where the flash is not as this image knows it.
+    pub flash: Option<Flash>,
+    /// The user button is held.
+    pub button: bool,
 }
 
 /// What is not in the same place on every board.
@@ -69,6 +81,7 @@ impl Board {
     /// Starts clocks, network and executors. Call it once, first of all.
     #[inline(never)]
     pub fn start(spawner: Spawner) -> Self {
+        let moving = vital::begin(Some(reset::cause()));
         log::start();
         let p = embassy_stm32::init(board::config());
         if let Some(mut core) = cortex_m::Peripherals::take() {
@@ -102,23 +115,20 @@ impl Board {
             },
             leds: Leds::new(p.PB0, own.ld2, p.PB14),
             mac,
-            stack: net::start(spawner, ethernet, mac, u64::from_le_bytes(seed)),
+            moving,
+            network: net::start(spawner, ethernet, mac, u64::from_le_bytes(seed)),
+            flash: Flash::new(p.FLASH),
+            button: is_held(p.PC13),
         }
     }
+}
 
-    /// The connection to the network.
-    pub fn network(&self) -> Network {
-        Network(self.stack)
-    }
-
-    /// Gets an address, and makes itself known with these TCP ports. Call it once.
-    pub fn join(&self, spawner: Spawner, address: Address, main: u16, modbus: u16) {
-        let join = join(self.stack, address, Ports { main, modbus });
-        spawner.spawn(join.expect("the network is joined once"));
-    }
-
-    /// The places for clients on the main and the Modbus/TCP port. Call it once.
-    pub fn places(&self, main: u16, modbus: u16) -> [Place; limits::SLOTS] {
-        places(self.stack, Ports { main, modbus })
-    }
+/// Whether the button is held, which connects its pin to 3V3 (UM2407, UM1974): for some milliseconds, lest a disturbance
+/// be taken for it.
+fn is_held(pin: Peri<'static, PC13>) -> bool {
+    let pin = Input::new(pin, Pull::Down);
+    (0..16).all(|_| {
+        cortex_m::asm::delay(100_000);
+        pin.is_high()
+    })
 }

@@ -9,6 +9,7 @@ pub const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// The linker of the Debian way. Older ones lack `--remap-inputs`, which build.rs needs.
 const DEBIAN_LLD: &str = "ld.lld-19";
+const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
 const DEBIAN_PACKAGES: [&str; 4] = ["rustc-web", "rust-web-src", "cargo-web", "lld-19"];
 
 /// A way to build for [`TARGET`].
@@ -37,12 +38,20 @@ impl Cross {
         }
     }
 
+    /// Its compiler.
+    pub fn compiler(&self) -> String {
+        match self {
+            Self::Installed => std::env::var("RUSTC").unwrap_or_else(|_| "rustc".into()),
+            Self::Debian => DEBIAN_RUSTC.into(),
+        }
+    }
+
     /// A cargo command such as `build` for the target.
     pub fn cargo(&self, command: &str) -> Command {
         let mut cargo = cargo();
         cargo.arg(command);
         if let Self::Debian = self {
-            cargo.env("RUSTC_BOOTSTRAP", "1").env("RUSTC", "/usr/bin/rustc");
+            cargo.env("RUSTC_BOOTSTRAP", "1").env("RUSTC", DEBIAN_RUSTC);
             cargo.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", DEBIAN_LLD);
             cargo.arg("-Zbuild-std=core");
         }
@@ -59,7 +68,7 @@ fn installed() -> bool {
 
 fn debian() -> bool {
     let source = Path::new("/usr/lib/rustlib/src/rust/library");
-    works(program("/usr/bin/rustc").arg("--version"))
+    works(program(DEBIAN_RUSTC).arg("--version"))
         && source.is_dir()
         && works(program(DEBIAN_LLD).arg("--version"))
 }

@@ -3,6 +3,7 @@
 mod bench;
 mod board;
 mod command;
+mod cost;
 mod cross;
 mod docs;
 mod emulate;
@@ -50,6 +51,12 @@ const COMMANDS: &[Command] = &[
         usage: "[--port N] [--modbus-port N] | --test",
         does: "run the firmware on an emulated board with simulated drives, or the scenarios on it",
         run: emulate::run,
+    },
+    Command {
+        name: "cost",
+        usage: "[--write | --profile NAME]",
+        does: "instructions of each transaction against docs/cost.md, or by function",
+        run: cost::run,
     },
     Command { name: "fuzz", usage: "[--smoke] [TARGET]", does: "run the fuzz targets", run: fuzz::run },
     Command {

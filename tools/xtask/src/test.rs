@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use crate::board::{BOARDS, EMULATED};
 use crate::command::{cargo, program, run as run_command, works};
 use crate::cross::Cross;
-use crate::{Outcome, emulate, firmware, fuzz, peers, size, stack};
+use crate::{Outcome, cost, emulate, firmware, fuzz, peers, size, stack};
 
 /// How long each fuzz target runs here; `cargo xtask fuzz --smoke` gives them more.
 const FUZZ: Duration = Duration::from_secs(3);
@@ -22,6 +22,7 @@ const STEPS: &[Step] = &[
     ("size", || size::run(&[])),
     ("stack", || stack::run(&[])),
     ("emulated board", emulate::test),
+    ("cost", || cost::run(&[])),
     ("fuzz", || fuzz::all(FUZZ)),
     ("peers", || peers::run(&[])),
 ];
@@ -70,6 +71,9 @@ fn firmware_lints() -> Outcome {
         let mut clippy = firmware::of_board(cross.cargo("clippy"), board);
         run_command(clippy.args(["--lib", "--quiet", "--", "-D", "warnings"]))?;
     }
+    let mut clippy = firmware::of_board(cross.cargo("clippy"), &EMULATED);
+    clippy.args(["--features", firmware::TEST_HOOKS]);
+    run_command(clippy.args(["--lib", "--quiet", "--", "-D", "warnings"]))?;
     Ok(())
 }
 

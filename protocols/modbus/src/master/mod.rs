@@ -36,10 +36,14 @@ pub struct Master {
     config: Config,
     /// Silence before a transmission.
     gap: Duration,
+    /// Wire time of the longest frame.
+    longest: Duration,
     state: State,
     request: Outgoing,
     /// Characters of the request's echo still to come.
     echo_left: usize,
+    /// Characters still to come until the reply is whole, if it is the normal one.
+    lacking: usize,
     receiver: Receiver,
     last_received: Instant,
     /// Since when, or from when on, the line is silent.
@@ -83,9 +87,14 @@ impl Master {
         Self {
             config,
             gap: gap.max(config.silence),
+            longest: config.line.wire_time(match config.mode {
+                Mode::Rtu => rtu::MAX_ADU,
+                Mode::Ascii => ascii::MAX_ADU,
+            }),
             state: State::Idle,
             request: Outgoing::none(),
             echo_left: 0,
+            lacking: 0,
             receiver: Receiver::new(config.mode),
             last_received: Instant::ZERO,
             quiet_from: Instant::ZERO,
@@ -105,11 +114,8 @@ impl Master {
         let State::Idle = self.state else {
             return Err(Busy);
         };
-        self.state = match Outgoing::new(self.config.mode, unit, pdu) {
-            Ok(request) => {
-                self.request = request;
-                State::Queued
-            }
+        self.state = match self.request.set(self.config.mode, unit, pdu) {
+            Ok(()) => State::Queued,
             Err(exception) => State::Finished(End::NoReply(Evidence::Malformed(exception))),
         };
         Ok(())
@@ -148,12 +154,14 @@ impl Master {
         }
         self.elapse(now);
         self.hear(now);
+        self.lacking = self.lacking.saturating_sub(bytes.len());
         for &byte in bytes {
             if self.echo_left > 0 && self.take_echo(byte) {
                 continue;
             }
-            let heard = self.receiver.push(now, byte, &self.request);
-            self.take_frames(now, heard);
+            if let Some(heard) = self.receiver.push(now, byte, &self.request) {
+                self.take_frames(now, Some(heard));
+            }
         }
     }
 
@@ -200,6 +208,15 @@ impl Master {
         }
     }
 
+    /// Characters that the normal reply still lacks, echo included; at least 1. Those before the last of them decide
+    /// nothing, so that whoever receives need not hurry with them unless the line falls silent.
+    pub fn lacks(&self) -> usize {
+        match self.state {
+            State::Waiting { .. } => self.lacking.max(1),
+            _ => 1,
+        }
+    }
+
     /// What has happened since start-up.
     pub fn counters(&self) -> Counters {
         Counters { garbage_bytes: self.receiver.garbage(), ..self.counters }
@@ -217,16 +234,8 @@ impl Master {
     /// After a silence; but what goes on for longer than the longest frame is noise, such as a line without bias has while
     /// nobody sends, and would hold everything up for ever.
     fn transmit_at(&self) -> Instant {
-        let noise = self.busy_from + self.longest();
+        let noise = self.busy_from + self.longest;
         (self.quiet_from.min(noise) + self.gap).max(self.units.ready_at(self.request.unit))
-    }
-
-    /// Wire time of the longest frame.
-    fn longest(&self) -> Duration {
-        self.config.line.wire_time(match self.config.mode {
-            Mode::Rtu => rtu::MAX_ADU,
-            Mode::Ascii => ascii::MAX_ADU,
-        })
     }
 
     /// When the burst that is arriving ends, if nothing more comes.
@@ -236,7 +245,7 @@ impl Master {
 
     /// When waiting ends: at the deadline, but not while a frame is arriving, nor ever after the limit.
     fn end(&self, deadline: Instant, limit: Instant) -> Instant {
-        deadline.max(limit.min(self.last_received + self.gap))
+        deadline.max(limit.min(self.last_received + self.receiver.pause().max(self.gap)))
     }
 
     fn transmit(&mut self, now: Instant) {
@@ -246,6 +255,7 @@ impl Master {
             Echo::Off => 0,
             Echo::Strip | Echo::Verify => self.request.adu.len(),
         };
+        self.lacking = self.echo_left + self.request.reply_adu;
         let sent = now + self.config.line.wire_time(self.request.adu.len());
         self.quiet_from = sent;
         self.busy_from = sent;
@@ -253,7 +263,7 @@ impl Master {
             State::Turnaround { until: sent + self.config.turnaround }
         } else {
             let deadline = sent + self.config.reply_timeout;
-            State::Waiting { deadline, limit: deadline + self.longest(), evidence: None }
+            State::Waiting { deadline, limit: deadline + self.longest, evidence: None }
         };
     }
 
@@ -332,7 +342,7 @@ impl Master {
     fn take_frames(&mut self, now: Instant, mut heard: Option<Result<Frame, FrameError>>) {
         while let Some(result) = heard {
             match result {
-                Ok(frame) => self.take_frame(now, frame),
+                Ok(frame) => self.take_frame(now, &frame),
                 Err(error) => self.take_damage(error),
             }
             heard = self.receiver.next(&self.request);
@@ -347,9 +357,9 @@ impl Master {
         });
     }
 
-    fn take_frame(&mut self, now: Instant, frame: Frame) {
+    fn take_frame(&mut self, now: Instant, frame: &Frame) {
         let waiting = matches!(self.state, State::Waiting { .. });
-        match self.request.pair(&frame) {
+        match self.request.pair(frame) {
             Ok(()) if waiting => return self.deliver(now, frame),
             Err(Evidence::Echo) => {
                 count(&mut self.counters.echoes);
@@ -375,14 +385,16 @@ impl Master {
         }
     }
 
-    fn deliver(&mut self, now: Instant, frame: Frame) {
+    fn deliver(&mut self, now: Instant, frame: &Frame) {
         let exception = frame.pdu.first().is_some_and(|first| first & function::EXCEPTION != 0);
         count(if exception { &mut self.counters.exceptions } else { &mut self.counters.replies });
         self.units.rest(frame.unit, self.rested(now));
         // The reply proves that the request is out, even where the wire time has not passed.
         self.quiet_from = now;
         self.busy_from = now;
-        self.reply = frame.pdu;
+        self.reply.clear();
+        // Both are PDUs.
+        let _ = self.reply.extend_from_slice(&frame.pdu);
         self.state = State::Finished(End::Reply);
     }
 

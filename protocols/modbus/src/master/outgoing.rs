@@ -1,7 +1,7 @@
 //! A request on its way, and what is a reply to it.
 
 use crate::reply::{Mismatch, Reply};
-use crate::request::Request;
+use crate::request::{ReplyLength, Request};
 use crate::{Exception, Frame, Mode, Pdu, ascii, rtu};
 
 use super::Evidence;
@@ -12,26 +12,35 @@ pub(super) struct Outgoing {
     pub unit: u8,
     pub pdu: Pdu,
     pub adu: heapless::Vec<u8, { ascii::MAX_ADU }>,
+    /// Characters of the normal reply; 0 where the request does not tell.
+    pub reply_adu: usize,
 }
 
 impl Outgoing {
     /// Before the first request.
     pub const fn none() -> Self {
-        Self { unit: 0, pdu: Pdu::new(), adu: heapless::Vec::new() }
+        Self { unit: 0, pdu: Pdu::new(), adu: heapless::Vec::new(), reply_adu: 0 }
     }
 
+    /// Becomes this request.
+    ///
     /// # Errors
-    /// What a server answers to a malformed request.
-    pub fn new(mode: Mode, unit: u8, pdu: &[u8]) -> Result<Self, Exception> {
-        Request::parse(pdu)?;
-        let pdu = Pdu::from_slice(pdu).map_err(|_| Exception::IllegalDataValue)?;
-        let mut adu = heapless::Vec::new();
-        // Neither framing is longer than the vector.
-        let _ = match mode {
-            Mode::Rtu => adu.extend_from_slice(&rtu::emit(unit, &pdu)),
-            Mode::Ascii => adu.extend_from_slice(&ascii::emit(unit, &pdu)),
+    /// What a server answers to a malformed request; it is nothing then.
+    pub fn set(&mut self, mode: Mode, unit: u8, pdu: &[u8]) -> Result<(), Exception> {
+        self.pdu.clear();
+        self.adu.clear();
+        self.reply_adu = match (Request::parse(pdu)?.expected(), mode) {
+            (ReplyLength::Exact(pdu), Mode::Rtu) => pdu + rtu::OVERHEAD,
+            (ReplyLength::Exact(pdu), Mode::Ascii) => 2 * pdu + ascii::OVERHEAD,
+            _ => 0,
         };
-        Ok(Self { unit, pdu, adu })
+        self.unit = unit;
+        self.pdu.extend_from_slice(pdu).map_err(|_| Exception::IllegalDataValue)?;
+        match mode {
+            Mode::Rtu => rtu::write(&mut self.adu, unit, pdu),
+            Mode::Ascii => ascii::write(&mut self.adu, unit, pdu),
+        }
+        Ok(())
     }
 
     /// Whether `frame` is the reply to this request; else why it is not.

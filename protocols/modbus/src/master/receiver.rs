@@ -1,6 +1,6 @@
 //! Frames out of a line's bytes, in either framing, on the master's side.
 
-use puente_line::Instant;
+use puente_line::{Duration, Instant};
 
 use super::Outgoing;
 use crate::length::{self, Length};
@@ -46,18 +46,23 @@ impl Receiver {
             }
             Self::Ascii { decoder, tail, garbage } => {
                 let length = decoder.pending() as u32 + 1;
-                let result = decoder.push(now, byte);
-                *tail = match (&result, byte, *tail) {
-                    (Some(Ok(_)), ..) => Tail::Clean,
-                    (Some(Err(_)), ..) => Tail::Told,
-                    (None, b':', _) | (None, _, Tail::Clean) => Tail::Untold,
-                    (None, _, tail) => tail,
-                };
                 *garbage = garbage.wrapping_add(1);
-                if let Some(Ok(_)) = result {
+                // Most characters end nothing: no frame is moved for them.
+                let Some(result) = decoder.push(now, byte) else {
+                    *tail = match (byte, *tail) {
+                        (b':', _) | (_, Tail::Clean) => Tail::Untold,
+                        (_, tail) => tail,
+                    };
+                    return None;
+                };
+                *tail = match &result {
+                    Ok(_) => Tail::Clean,
+                    Err(_) => Tail::Told,
+                };
+                if result.is_ok() {
                     *garbage = garbage.wrapping_sub(length);
                 }
-                result
+                Some(result)
             }
         }
     }
@@ -74,6 +79,15 @@ impl Receiver {
         match self {
             Self::Rtu(stream) => stream.is_unsettled(),
             Self::Ascii { .. } => false,
+        }
+    }
+
+    /// How long the characters of the frame that is arriving may pause. In ASCII that is long, and such pauses happen
+    /// where a system or an adapter hands characters over in pieces.
+    pub fn pause(&self) -> Duration {
+        match self {
+            Self::Ascii { decoder, .. } if decoder.pending() > 0 => ascii::CHARACTER_TIMEOUT,
+            Self::Rtu(_) | Self::Ascii { .. } => Duration::ZERO,
         }
     }
 

@@ -228,9 +228,25 @@ function showBuses(buses) {
   $("buses").replaceChildren(...rows);
 }
 
+function showSystem({ version, commit, uptime_ms, reset }) {
+  const up = uptime_ms < 7_200_000 ? age(uptime_ms) : `${Math.round(uptime_ms / 3_600_000)} h`;
+  const after = reset && reset !== "power-on" ? `, started after ${reset}` : "";
+  $("system").textContent = `puente ${version} (${commit}), up ${up}${after}`;
+}
+
 function banner(id, text) {
   if ($(id).textContent !== text) $(id).textContent = text;
   $(id).hidden = !text;
+}
+
+// Network settings that nobody confirms are taken back.
+function showTrial({ trial_left_s: left }) {
+  $("trial").hidden = left === null;
+  if (left !== null) $("trial-text").textContent = `New network settings, on trial: in ${left} s the gateway takes them back.`;
+}
+
+function keep() {
+  ask("api/config/confirm", { method: "POST" }).then(showTrial).catch((error) => banner("failed", error.message));
 }
 
 function link(mood, text) {
@@ -260,7 +276,9 @@ async function watch() {
     if (polling.signal.aborted) polling = new AbortController();
     try {
       await read();
+      if (round % 40 === 0) showSystem(await ask("api/system", { signal: polling.signal }));
       if (round % 4 === 0) showBuses(await ask("api/buses", { signal: polling.signal }));
+      if (round % 4 === 2) showTrial(await ask("api/config/state", { signal: polling.signal }));
       since = "";
       banner("lost", "");
       link("up", location.host);
@@ -287,4 +305,5 @@ addEventListener("blur", releaseAll);
 addEventListener("pagehide", releaseAll);
 document.addEventListener("visibilitychange", () => document.hidden && releaseAll());
 $("stop-all").addEventListener("click", stopAll);
+$("keep").addEventListener("click", keep);
 watch();

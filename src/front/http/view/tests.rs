@@ -112,8 +112,9 @@ fn the_longest_fits_the_buffer() {
     let length = text(&Axis::new(&found)).len();
     assert!(length > 700, "{length}");
 
-    let mut settings = settings::Settings::factory(&"\u{1}".repeat(64));
+    let mut settings = settings::Settings::factory();
     let bus = &mut settings.buses[0];
+    bus.port = "\u{1}".repeat(64).parse().expect("a port");
     bus.name = name;
     // As long as the settings take.
     let units =
