@@ -238,17 +238,20 @@ fn only_what_is_missing_is_repeated() {
     ether.run(1);
     ether.submit(9);
     let before = ether.sent;
-    let mut data = 0;
+    let mut data = Vec::new();
     while !ether.is_done(9) {
         let sent = ether.sent;
         // The third frame from here on.
-        ether.fate.lost = if data == 2 { 255 } else { 0 };
+        ether.fate.lost = if data.len() == 2 { 255 } else { 0 };
         ether.step();
         ether.fate.lost = 0;
         if ether.sent > sent && ether.past.last().is_some_and(|(_, bytes)| is_data(bytes)) {
-            data += 1;
+            data.push(ether.now);
         }
     }
+    assert_eq!(data.len(), 9, "8 frames, one of them again");
+    let repeated = data[8].since(data[2]);
+    assert!(repeated < config(1).window.min_timeout, "what was overtaken waits for no timeout: {repeated:?}");
     assert_eq!(ether.received, (0..9).collect::<Vec<_>>());
     let answers = ether.sent - before - 9;
     assert!(answers <= 9, "8 frames, one again, and {answers} acknowledgements");
