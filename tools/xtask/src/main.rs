@@ -61,8 +61,8 @@ const COMMANDS: &[Command] = &[
     Command { name: "fuzz", usage: "[--smoke] [TARGET]", does: "run the fuzz targets", run: fuzz::run },
     Command {
         name: "bench",
-        usage: "modbus",
-        does: "measure transactions through the gateway against the floor of the line",
+        usage: "modbus|csma",
+        does: "measure transactions through the gateway, or CSMA/CD, against what the line allows",
         run: bench::run,
     },
     Command { name: "peers", usage: "", does: "exchange with independent Modbus programs", run: peers::run },

@@ -1,9 +1,10 @@
-//! `cargo xtask bench`: measurements of the running gateway, printed as a page of Markdown.
+//! `cargo xtask bench`: measurements, printed as a page of Markdown. Progress goes to stderr, the page to stdout:
+//! `cargo xtask bench modbus > docs/bench.md`.
 //!
-//! The gateway and the simulated cell run as programs of their own, built for release. Progress goes to stderr, the page
-//! to stdout: `cargo xtask bench modbus > docs/bench.md`.
+//! `modbus`: the gateway and the simulated cell run as programs of their own, built for release. `csma`: virtual time.
 
 mod client;
+mod csma;
 mod machine;
 mod modbus;
 mod programs;
@@ -14,7 +15,8 @@ use crate::Outcome;
 pub fn run(arguments: &[String]) -> Outcome {
     match arguments {
         [what] if what == "modbus" => modbus::run(),
-        [] => Err("say what to measure: modbus".into()),
-        [word, ..] => Err(format!("unknown: {word}; there is: modbus")),
+        [what] if what == "csma" => csma::run(),
+        [] => Err("say what to measure: modbus, csma".into()),
+        [word, ..] => Err(format!("unknown: {word}; there are: modbus, csma")),
     }
 }

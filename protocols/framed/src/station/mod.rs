@@ -1,0 +1,403 @@
+//! A station: decoder, arbiter and windows together.
+
+mod types;
+
+use heapless::Vec;
+use puente_line::Instant;
+
+pub use types::{Action, Config};
+
+use crate::arbiter::{self, Arbiter, Busy, Statistics};
+use crate::frame::{self, EmitError, Frame, Kind};
+use crate::section::{self, Sections};
+use crate::window::{self, Receiver, Refused, Sender, Ticket};
+use crate::{Class, Decoder, Random, Reason, Session};
+
+/// A station of the line, with windows to at most `PEERS` others, of `W` frames in either direction. `N` is its longest frame.
+///
+/// Where there is no room for another peer, the one that has been idle longest is forgotten; should it still send, it opens a
+/// new session.
+#[derive(Clone, Debug)]
+pub struct Station<const PEERS: usize, const W: usize, const N: usize> {
+    config: Config,
+    random: Random,
+    decoder: Decoder<N>,
+    arbiter: Arbiter<N>,
+    links: Vec<Link<W, N>, PEERS>,
+    /// The link that was served last; they take turns.
+    turn: usize,
+    /// A frame outside of any window that waits for the line.
+    post: Vec<u8, N>,
+    /// What the arbiter has in work.
+    sending: Sending,
+    /// A refusal that belongs to no link.
+    refusal: Option<(u8, Reason, Session)>,
+    last_heard: Instant,
+}
+
+/// Both windows between two stations.
+#[derive(Clone, Debug)]
+struct Link<const W: usize, const N: usize> {
+    peer: u8,
+    sender: Sender<W, N>,
+    receiver: Receiver<W, N>,
+    last_used: Instant,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Sending {
+    Nothing,
+    /// What needs no report: an acknowledgement and the like.
+    Answer {
+        peer: u8,
+        kind: Kind,
+    },
+    /// [`Station::post`].
+    Post,
+    Window {
+        peer: u8,
+        what: window::Sending,
+    },
+}
+
+impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
+    /// A station that starts now. Its seed must be another than that of any other station, and another at each start.
+    pub fn new(config: Config, now: Instant, seed: u64) -> Self {
+        let mut random = Random::new(seed);
+        let arbiter = Arbiter::new(config.arbiter, now, draw(&mut random));
+        Self {
+            config,
+            random,
+            decoder: Decoder::new(),
+            arbiter,
+            links: Vec::new(),
+            turn: 0,
+            post: Vec::new(),
+            sending: Sending::Nothing,
+            refusal: None,
+            last_heard: now,
+        }
+    }
+
+    /// Takes a frame for the window to `peer`; `body` is its sections, all for this station.
+    ///
+    /// # Errors
+    /// Any [`Refused`]; `Full` where there is no room for another peer, too.
+    pub fn submit(&mut self, now: Instant, peer: u8, class: Class, body: &[u8]) -> Result<Ticket, Refused> {
+        if body.len() + frame::TAGGED_OVERHEAD > N {
+            return Err(Refused::TooLong);
+        }
+        let mut sections = Sections::new(body);
+        let all_for_peer = sections.by_ref().all(|section| section.address == peer);
+        if body.is_empty() || !all_for_peer || !sections.rest().is_empty() {
+            return Err(Refused::Sections);
+        }
+        self.link(now, peer).ok_or(Refused::Full)?.sender.submit(class, body)
+    }
+
+    /// Frames to `peer` whose outcome is open.
+    pub fn outstanding(&self, peer: u8) -> usize {
+        self.links.iter().find(|link| link.peer == peer).map_or(0, |link| link.sender.outstanding())
+    }
+
+    /// Takes a frame outside of any window. It is sent once.
+    ///
+    /// # Errors
+    /// `None` while the last one waits, why it cannot be made after that.
+    pub fn post(&mut self, kind: Kind, body: &[u8]) -> Result<(), Option<EmitError>> {
+        if self.has_post() {
+            return Err(None);
+        }
+        frame::emit(&mut self.post, self.config.address, kind, body).map_err(Some)
+    }
+
+    /// Takes the bytes of a whole frame, for one who makes his own. It is sent once.
+    ///
+    /// # Errors
+    /// `Busy` while the last one waits, or where it is no frame that this station can send.
+    pub fn post_bytes(&mut self, bytes: &[u8]) -> Result<(), Busy> {
+        if self.has_post() || frame::parse(bytes).is_err() {
+            return Err(Busy);
+        }
+        self.post = Vec::from_slice(bytes).map_err(|_| Busy)?;
+        Ok(())
+    }
+
+    /// Takes a byte that the line said, the echo of what is sent too, at its end. [`Station::poll`] until it is idle, before
+    /// the next.
+    pub fn receive(&mut self, now: Instant, byte: u8) {
+        self.settle(now);
+        self.last_heard = now;
+        self.arbiter.receive(now, byte);
+        self.decoder.push(byte);
+    }
+
+    /// The line reported a parity, framing or overrun error.
+    pub fn line_error(&mut self, now: Instant) {
+        self.settle(now);
+        self.last_heard = now;
+        self.arbiter.line_error(now);
+    }
+
+    /// A character is arriving; see [`Arbiter::carrier`].
+    pub fn carrier(&mut self, now: Instant) {
+        self.arbiter.carrier(now);
+    }
+
+    /// What to do now.
+    pub fn poll(&mut self, now: Instant) -> Action<'_> {
+        self.settle(now);
+        while self.decoder.advance() {
+            if self.take_frame(now) {
+                return self.decoder.frame().map_or(Action::Idle, Action::Heard);
+            }
+        }
+        for link in &mut self.links {
+            link.sender.elapse(now);
+        }
+        for at in 0..self.links.len() {
+            if self.links.get(at).is_some_and(|link| link.sender.has_outcome()) {
+                return self.done(at);
+            }
+            if self.links.get(at).is_some_and(|link| link.receiver.has_frame()) {
+                return self.received(now, at);
+            }
+        }
+        self.fill(now);
+        self.arbiter.elapse(now);
+        if self.arbiter.is_finished() {
+            return self.finish(now);
+        }
+        match self.arbiter.poll(now) {
+            arbiter::Action::Transmit(bytes) => Action::Transmit(bytes),
+            arbiter::Action::Jam(bytes) => Action::Jam(bytes),
+            arbiter::Action::Done(_) | arbiter::Action::Idle => Action::Idle,
+        }
+    }
+
+    /// When to poll again, besides after everything that is told to the station.
+    pub fn poll_at(&self) -> Option<Instant> {
+        let mut at = self.arbiter.poll_at();
+        let mut by = |time: Option<Instant>| at = [at, time].into_iter().flatten().min();
+        if self.decoder.is_ready() {
+            by(Some(Instant::ZERO));
+        } else if self.decoder.is_inside() {
+            by(Some(self.last_heard + self.config.silence));
+        }
+        let free = !self.arbiter.is_busy();
+        if free && (!self.post.is_empty() || self.refusal.is_some()) {
+            by(Some(Instant::ZERO));
+        }
+        for Link { sender, receiver, .. } in &self.links {
+            by(sender.elapse_at());
+            if sender.has_outcome() || receiver.has_frame() || (free && sender.next().is_some()) {
+                by(Some(Instant::ZERO));
+            }
+            if free {
+                by(receiver.next_at());
+            }
+        }
+        at
+    }
+
+    /// What the station has met on the line.
+    pub const fn statistics(&self) -> Statistics {
+        self.arbiter.statistics()
+    }
+
+    /// Frames heard whose check did not hold, modulo 2^32.
+    pub const fn damaged(&self) -> u32 {
+        self.decoder.damaged()
+    }
+
+    fn has_post(&self) -> bool {
+        !self.post.is_empty() || matches!(self.sending, Sending::Post)
+    }
+
+    /// Lets the decoder know that the line has fallen silent.
+    fn settle(&mut self, now: Instant) {
+        if self.decoder.is_inside() && now >= self.last_heard + self.config.silence {
+            self.decoder.silence();
+        }
+    }
+
+    /// Takes the frame that the decoder has found; true if it is for the caller.
+    fn take_frame(&mut self, now: Instant) -> bool {
+        let Some(Frame { origin, kind, body }) = self.decoder.frame() else {
+            return false;
+        };
+        let own = self.config.address;
+        let for_us = body.first() == Some(&own);
+        match kind {
+            // The echo.
+            _ if origin == own => false,
+            Kind::Plain | Kind::Single(_) | Kind::Receipt { .. } => true,
+            Kind::Refusal { session: Session::NONE, .. } => true,
+            _ if !for_us => false,
+            Kind::Opening { sender } => {
+                match self.link(now, origin) {
+                    Some(link) => link.receiver.opened(sender),
+                    None => self.refusal = Some((origin, Reason::NoRoom, Session { sender, receiver: 0 })),
+                }
+                false
+            }
+            _ => {
+                self.take_linked(now);
+                false
+            }
+        }
+    }
+
+    /// Takes a frame of a window that must exist.
+    fn take_linked(&mut self, now: Instant) {
+        let Some(Frame { origin, kind, body }) = self.decoder.frame() else {
+            return;
+        };
+        let Some(link) = self.links.iter_mut().find(|link| link.peer == origin) else {
+            if let Kind::Numbered { session, .. } = kind {
+                self.refusal = Some((origin, Reason::Session, session));
+            }
+            return;
+        };
+        link.last_used = now;
+        match kind {
+            Kind::Numbered { number, class, session } => {
+                link.receiver.arrived(now, number, class, session, body);
+            }
+            Kind::Acknowledgement { next, held, session } => {
+                link.sender.acknowledged(now, next, held, session);
+            }
+            Kind::Consent { session, window } => link.sender.consented(now, session, window),
+            Kind::Refusal { reason, session } => link.sender.refused(reason, session),
+            _ => {}
+        }
+    }
+
+    /// The link to `peer`, made where there is room.
+    fn link(&mut self, now: Instant, peer: u8) -> Option<&mut Link<W, N>> {
+        let at = self.links.iter().position(|link| link.peer == peer);
+        let at = match at {
+            Some(at) => at,
+            None => {
+                if self.links.is_full() {
+                    let idle = (0..).zip(&self.links).filter(|(_, link)| link.is_idle());
+                    let (oldest, _) = idle.min_by_key(|(_, link)| link.last_used)?;
+                    self.links.swap_remove(oldest);
+                }
+                let sender = Sender::new(self.config.window, draw(&mut self.random));
+                let receiver = Receiver::new(self.config.window, draw(&mut self.random));
+                self.links.push(Link { peer, sender, receiver, last_used: now }).ok()?;
+                self.links.len() - 1
+            }
+        };
+        let link = self.links.get_mut(at)?;
+        link.last_used = now;
+        Some(link)
+    }
+
+    fn done(&mut self, at: usize) -> Action<'_> {
+        let link = self.links.get_mut(at);
+        let done = link.and_then(|link| link.sender.outcome().map(|outcome| (link.peer, outcome)));
+        done.map_or(Action::Idle, |(to, (ticket, outcome))| Action::Done { to, ticket, outcome })
+    }
+
+    fn received(&mut self, now: Instant, at: usize) -> Action<'_> {
+        let Some(Link { peer, receiver, .. }) = self.links.get_mut(at) else {
+            return Action::Idle;
+        };
+        let from = *peer;
+        receiver.take(now).map_or(Action::Idle, |(class, body)| Action::Received { from, class, body })
+    }
+
+    /// Gives the arbiter a frame if it has none: answers first, then what the caller posted, then the windows in turn.
+    fn fill(&mut self, now: Instant) {
+        if !self.arbiter.is_busy() && !self.answer(now) && !self.fill_with_post(now) {
+            self.fill_from_window(now);
+        }
+    }
+
+    fn answer(&mut self, now: Instant) -> bool {
+        let answer = match self.refusal.take() {
+            Some((peer, reason, session)) => Some((peer, Kind::Refusal { reason, session })),
+            None => self.links.iter_mut().find_map(|Link { peer, receiver, .. }| {
+                let kind = receiver.next(now)?;
+                receiver.sent(kind);
+                Some((*peer, kind))
+            }),
+        };
+        let Some((peer, kind)) = answer else {
+            return false;
+        };
+        let body = [peer, 0, section::TERMINATOR];
+        let origin = self.config.address;
+        let taken = self.arbiter.submit(now, |buffer| frame::emit(buffer, origin, kind, &body));
+        self.sending = Sending::Answer { peer, kind };
+        taken.is_ok()
+    }
+
+    fn fill_with_post(&mut self, now: Instant) -> bool {
+        if self.post.is_empty() {
+            return false;
+        }
+        let post = &mut self.post;
+        let taken = self.arbiter.submit(now, |buffer| {
+            core::mem::swap(buffer, post);
+            Ok::<(), EmitError>(())
+        });
+        self.post.clear();
+        self.sending = Sending::Post;
+        taken.is_ok()
+    }
+
+    fn fill_from_window(&mut self, now: Instant) {
+        let count = self.links.len();
+        for at in (0..count).map(|step| (self.turn + 1 + step) % count) {
+            let Some(Link { peer, sender, .. }) = self.links.get(at) else {
+                continue;
+            };
+            let Some((what, kind, body)) = sender.next() else {
+                continue;
+            };
+            let opening = [*peer, 0, section::TERMINATOR];
+            let body = if body.is_empty() { &opening } else { body };
+            let origin = self.config.address;
+            let _ = self.arbiter.submit(now, |buffer| frame::emit(buffer, origin, kind, body));
+            self.sending = Sending::Window { peer: *peer, what };
+            self.turn = at;
+            return;
+        }
+    }
+
+    /// The arbiter is done with its frame.
+    fn finish(&mut self, now: Instant) -> Action<'_> {
+        let arbiter::Action::Done(outcome) = self.arbiter.poll(now) else {
+            return Action::Idle;
+        };
+        match core::mem::replace(&mut self.sending, Sending::Nothing) {
+            Sending::Post => return Action::Posted(outcome),
+            Sending::Window { peer, what } => {
+                if let Some(link) = self.links.iter_mut().find(|link| link.peer == peer) {
+                    link.sender.sent(now, what, outcome.is_ok());
+                }
+            }
+            Sending::Answer { peer, kind } if outcome.is_err() => {
+                if let Some(link) = self.links.iter_mut().find(|link| link.peer == peer) {
+                    link.receiver.failed(now, kind);
+                }
+            }
+            Sending::Nothing | Sending::Answer { .. } => {}
+        }
+        // The next frame, if there is one. No frame is done at once, so that this does not come here again.
+        self.poll(now)
+    }
+}
+
+impl<const W: usize, const N: usize> Link<W, N> {
+    fn is_idle(&self) -> bool {
+        self.sender.outstanding() == 0 && !self.sender.has_outcome() && self.receiver.is_idle()
+    }
+}
+
+fn draw(random: &mut Random) -> u64 {
+    u64::from(random.next()) << 32 | u64::from(random.next())
+}
