@@ -13,7 +13,7 @@ use common::client::{
     Lines, Modbus, closes_within, connect, mbap, read_pdu, rest, send_and_close, write_pdu,
 };
 use common::rig::{ENABLE, FORWARD, REVERSE, Rig};
-use common::{ms, until};
+use common::{Gateway, ms, until};
 
 const STATUS: u16 = 0x0901;
 const SPEED: u16 = 0x0025;
@@ -241,28 +241,36 @@ fn malformed_modbus_tcp_disturbs_nobody_else() {
     assert!(other.read(1, STATUS, 1).is_ok());
 }
 
+/// How a client uses a connection that it makes for one request.
+#[derive(Clone, Copy)]
+enum Manner {
+    Modbus,
+    Http,
+    Console,
+}
+
 /// A connection for each request, as many programs do. None is refused, reset, or answered wrong.
-///
-/// The host takes clients from its backlog before it learns that others have gone, and counts both for a moment.
-#[test]
-fn eight_clients_that_always_reconnect_are_never_refused() {
-    let rig = Rig::on_target_with("clients = 64");
+fn eight_reconnect(manners: [Manner; 8]) {
+    let rig = Rig::on_target();
     let time = Duration::from_secs(if on_board() { 30 } else { 3 });
     let start = Instant::now();
     let visits: Vec<u32> = thread::scope(|scope| {
-        let clients: Vec<_> = (0..8_u8)
-            .map(|number| {
-                let address = if number % 2 == 0 { rig.gateway.main } else { rig.gateway.modbus };
-                scope.spawn(move || {
-                    let mut visits = 0;
-                    while start.elapsed() < time {
-                        visit(address, number, visits);
-                        visits += 1;
+        let client = |(number, manner): (u8, Manner)| {
+            let gateway = &rig.gateway;
+            scope.spawn(move || {
+                let mut visits = 0;
+                while start.elapsed() < time {
+                    match manner {
+                        Manner::Modbus => visit(gateway.modbus, number, visits),
+                        Manner::Http => assert_eq!(get(gateway.main, "/nothing").0, "HTTP/1.1 404 Not Found"),
+                        Manner::Console => assert_eq!(Lines::connect(gateway.main).ask("feed"), "ok"),
                     }
-                    visits
-                })
+                    visits += 1;
+                }
+                visits
             })
-            .collect();
+        };
+        let clients: Vec<_> = (0..).zip(manners).map(client).collect();
         clients.into_iter().map(|client| client.join().expect("no refusal")).collect()
     });
     println!("visits of each client in {time:?}: {visits:?}");
@@ -279,4 +287,53 @@ fn visit(address: SocketAddr, client: u8, visit: u32) {
     } else {
         assert_eq!(modbus.ask(unit, &NO_FUNCTION), REFUSED, "client {client}, visit {visit}");
     }
+}
+
+#[test]
+fn eight_clients_that_always_reconnect_are_never_refused_at_the_modbus_port() {
+    eight_reconnect([Manner::Modbus; 8]);
+}
+
+#[test]
+fn eight_clients_that_always_reconnect_are_never_refused_at_the_main_port() {
+    use Manner::{Console, Http};
+    eight_reconnect([Http, Console, Http, Console, Http, Console, Http, Console]);
+}
+
+#[test]
+fn eight_clients_that_always_reconnect_are_never_refused_at_both_ports() {
+    use Manner::{Console, Http, Modbus};
+    eight_reconnect([Modbus, Http, Modbus, Console, Modbus, Http, Modbus, Console]);
+}
+
+/// The lamps of the emulated board, as its register has them: link, bus, fault.
+fn lamps(gateway: &mut Gateway) -> [bool; 3] {
+    let answer = gateway.monitor("xp /1xw 0x4002f004");
+    let (_, word) = answer.trim_end().rsplit_once("0x").expect("a word");
+    let leds = u32::from_str_radix(word, 16).expect("a number");
+    [leds & 1 != 0, leds & 2 != 0, leds & 4 != 0]
+}
+
+#[test]
+fn the_lamps_of_a_board_show_its_link_its_bus_and_a_missing_slave() {
+    if !on_board() {
+        return;
+    }
+    let mut rig = Rig::on_target();
+    let gateway = &mut rig.gateway;
+    until("the link lamp is on, alone", || lamps(gateway) == [true, false, false]);
+    let mut client = Modbus::connect(gateway.main);
+    until("the bus lamp shows a transaction", || {
+        client.ask(1, &read_pdu(STATUS, 1));
+        lamps(gateway) == [true, true, false]
+    });
+    until("the bus lamp goes out", || lamps(gateway) == [true, false, false]);
+    client.ask(9, &read_pdu(STATUS, 1));
+    for on in [true, false, true] {
+        until("the fault lamp blinks for a slave that is not there", || lamps(gateway)[2] == on);
+    }
+    gateway.monitor("set_link lan9118.0 off");
+    until("the link lamp goes out", || !lamps(gateway)[0]);
+    gateway.monitor("set_link lan9118.0 on");
+    until("the link lamp is on again", || lamps(gateway)[0]);
 }

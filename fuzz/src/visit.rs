@@ -110,7 +110,7 @@ static DESK: Desk = Desk::new();
 
 /// The gateway of all visits, with the factory settings.
 fn gateway() -> &'static Gateway {
-    let settings = Settings::factory("sim");
+    let settings: &Settings = Box::leak(Box::new(Settings::factory("sim")));
     let buses = settings.buses.iter().map(|bus| BusSpec {
         units: bus.units,
         queue_timeout: Duration::from_secs(3),

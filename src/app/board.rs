@@ -3,9 +3,13 @@
 use embassy_executor::Spawner;
 use static_cell::StaticCell;
 
-use super::{bus_task, front_task, line_settings, master, watch_task};
+use super::vital::feeder_task;
+use super::{bus_task, front_task, lamps, line_settings, master, watch_task};
+use crate::clock;
 use crate::front::Gateway;
-use crate::port::{Board, Place};
+use crate::port::embedded::Address;
+use crate::port::record::Reset;
+use crate::port::{self, Board, Leds, Network, Place};
 use crate::settings::Settings;
 
 static SETTINGS: StaticCell<Settings> = StaticCell::new();
@@ -16,48 +20,76 @@ static SETTINGS: StaticCell<Settings> = StaticCell::new();
 #[inline(never)]
 pub fn start(spawner: Spawner) {
     let settings = SETTINGS.init_with(settings);
-    let mut board = Board::start(spawner, Board::ADDRESS);
-    log::info!("puente {} at {}, MAC {:02x?}", env!("CARGO_PKG_VERSION"), settings.net.bind, board.mac);
+    let mut board = Board::start(spawner);
+    log::info!("puente {}, MAC {:02x?}", env!("CARGO_PKG_VERSION"), board.mac);
     let gateway = super::build(settings);
-    buses(gateway, &mut board);
-    clients(gateway, &board, spawner);
+    resume(gateway, board.moving);
+    let whole = buses(gateway, &mut board);
+    clients(gateway, &board.network, spawner);
+    let net = &gateway.settings.net;
+    board.network.join(spawner, address(), net.port, net.modbus_port);
+    spawner.spawn(feeder_task(gateway).expect("one feeder"));
+    let lamps = lamps_task(gateway, board.network, board.leds, whole);
+    spawner.spawn(lamps.expect("the lamps are started once"));
+}
+
+/// How the board gets its address, until that can be set.
+#[inline(never)]
+fn address() -> Address {
+    let hostname = heapless::String::try_from("puente").unwrap_or_default();
+    Address { dhcp: true, ip: [192, 168, 1, 111], prefix: 24, router: None, hostname }
+}
+
+/// Tells why the board has started, and has the axes stopped that may have moved when it was reset.
+#[inline(never)]
+fn resume(gateway: &Gateway, moving: u32) {
+    let Some(history) = port::history().filter(|history| history.cause != Reset::PowerOn) else { return };
+    log::warn!("started after {}", history.cause.name());
+    for (axis, _) in gateway.axes.iter().filter(|(axis, _)| moving >> axis & 1 != 0) {
+        gateway.desk.restarted(clock::now(), axis);
+    }
 }
 
 /// The settings of every start, until they can be kept in flash.
 #[inline(never)]
 fn settings() -> Settings {
     let mut settings = Settings::factory("rs485-a");
-    settings.net.bind = Board::ADDRESS.ip.into();
     settings.net.port = 80;
     settings.net.modbus_port = 502;
     settings
 }
 
-/// The buses run above the clients, so that no client delays them.
-fn buses(gateway: &'static Gateway, board: &mut Board) {
+/// The buses run above the clients, so that no client delays them. False where one of them does not run.
+fn buses(gateway: &'static Gateway, board: &mut Board) -> bool {
+    let mut whole = true;
     for index in (0..).take(gateway.settings.buses.len()) {
-        bus(gateway, board, index);
+        whole &= bus(gateway, board, index);
     }
     for (axis, _) in gateway.axes.iter() {
         board.buses.spawn(watch_task(gateway, axis).expect("one task an axis"));
     }
+    whole
 }
 
 #[inline(never)]
-fn bus(gateway: &'static Gateway, board: &mut Board, index: u8) {
-    let Some(bus) = gateway.settings.buses.get(usize::from(index)) else { return };
+fn bus(gateway: &'static Gateway, board: &mut Board, index: u8) -> bool {
+    let Some(bus) = gateway.settings.buses.get(usize::from(index)) else { return false };
     match board.lines.open(&bus.port, line_settings(bus)) {
         Ok(line) => board.buses.spawn(
             bus_task(gateway.desk, index, line, master(gateway.settings, bus)).expect("one task a bus"),
         ),
-        Err(error) => log::error!("[[bus]] \"{}\" port: {error}", bus.name),
+        Err(error) => {
+            log::error!("[[bus]] \"{}\" port: {error}", bus.name);
+            return false;
+        }
     }
+    true
 }
 
 #[inline(never)]
-fn clients(gateway: &'static Gateway, board: &Board, spawner: Spawner) {
+fn clients(gateway: &'static Gateway, network: &Network, spawner: Spawner) {
     let net = &gateway.settings.net;
-    for (seat, place) in (0..).zip(board.places(net.port, net.modbus_port)) {
+    for (seat, place) in (0..).zip(network.places(net.port, net.modbus_port)) {
         client(gateway, spawner, seat, place);
     }
 }
@@ -65,4 +97,10 @@ fn clients(gateway: &'static Gateway, board: &Board, spawner: Spawner) {
 #[inline(never)]
 fn client(gateway: &'static Gateway, spawner: Spawner, seat: u8, place: Place) {
     spawner.spawn(front_task(gateway, seat, place).expect("one task a place"));
+}
+
+/// Shows the state of the gateway.
+#[embassy_executor::task]
+async fn lamps_task(gateway: &'static Gateway, network: Network, mut leds: Leds, whole: bool) -> ! {
+    lamps::show(gateway, &mut leds, || network.link(), whole).await
 }

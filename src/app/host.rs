@@ -11,7 +11,7 @@ use super::options::{Action, Options, USAGE};
 use super::{bus_task, front_task, line_settings, master, mode, watch_task};
 use crate::clock;
 use crate::front::Gateway;
-use crate::port::host::{Doors, LineSpec, exact_timers};
+use crate::port::host::{Doors, LineSpec, exact_timers, start_log};
 use crate::port::{Line, Place, limits};
 use crate::settings::{Bus, Settings};
 
@@ -20,7 +20,7 @@ const FAREWELL: std::time::Duration = std::time::Duration::from_secs(5);
 
 /// Runs the gateway; comes back only where it does not start, or where it was asked for less.
 pub fn main() -> ExitCode {
-    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("info")).init();
+    start_log();
     let options = match Options::parse(lexopt::Parser::from_env()) {
         Ok(options) => options,
         Err(error) => return fail(format_args!("{error}; --help lists the options")),

@@ -4,8 +4,11 @@
 pub mod board;
 #[cfg(not(target_os = "none"))]
 pub mod host;
+pub mod lamps;
 #[cfg(not(target_os = "none"))]
 mod options;
+#[cfg(target_os = "none")]
+mod vital;
 
 use puente_line::Duration;
 use puente_modbus::{Config, Echo, Mode};

@@ -61,4 +61,6 @@ pub trait Work {
     fn finish(&self, now: Instant, ticket: Ticket, end: End<'_>);
     /// What the master has counted so far.
     fn counted(&self, counters: puente_modbus::Counters);
+    /// A sign of life: the pump gives the next one before `until`, or it hangs.
+    fn alive(&self, until: Instant);
 }

@@ -3,6 +3,7 @@
 use embassy_futures::select::{Either3, select3};
 use embassy_time::Timer;
 use embedded_io_async::{Error, ErrorKind};
+use puente_line::Duration;
 use puente_modbus::{Action, Config, Master};
 
 use super::{End, Haste, Next, Ticket, Work};
@@ -11,6 +12,10 @@ use crate::port::SerialLine;
 
 /// Keeps a dead port from being asked in a tight loop.
 const RETRY: embassy_time::Duration = embassy_time::Duration::from_millis(100);
+/// An idle pump shows life so often,
+const SIGN: Duration = Duration::from_millis(500);
+/// and may be late by this: more than a pause of [`RETRY`], or than anything above it takes of the processor.
+const LATE: Duration = Duration::from_millis(500);
 
 /// Moves jobs from `work` over `line`, for ever.
 pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) -> ! {
@@ -21,6 +26,7 @@ pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) 
         let now = clock::now();
         match master.poll(now) {
             Action::Transmit(frame) => {
+                work.alive(now + config.line.wire_time(frame.len()) + LATE);
                 if let Err(error) = send(line, frame).await {
                     master = Master::new(config);
                     let untouched = error.kind() == ErrorKind::NotConnected;
@@ -58,7 +64,10 @@ pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) 
                 Next::Wait(at) => wake = [wake, at].into_iter().flatten().min(),
             }
         }
-        match select3(line.read(&mut buffer), clock::at(wake), work.changed()).await {
+        let sign = now + SIGN;
+        let wake = wake.map_or(sign, |wake| wake.min(sign));
+        work.alive(sign + LATE);
+        match select3(line.read(&mut buffer), clock::at(Some(wake)), work.changed()).await {
             Either3::First(Ok(n)) if n > 0 => {
                 master.receive(clock::now(), buffer.get(..n).unwrap_or_default());
                 if current.is_none() {
@@ -86,5 +95,101 @@ async fn send<L: SerialLine>(line: &mut L, frame: &[u8]) -> Result<(), L::Error>
 fn finish(work: &impl Work, current: &mut Option<Ticket>, end: End<'_>) {
     if let Some(ticket) = current.take() {
         work.finish(clock::now(), ticket, end);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use core::cell::{Cell, RefCell};
+    use core::convert::Infallible;
+    use core::pin::pin;
+    use core::task::{Context, Waker};
+
+    use embedded_io_async::{ErrorType, Read, Write};
+    use puente_line::Instant;
+    use puente_modbus::{Counters, Echo, Mode, Pdu};
+
+    use super::super::Job;
+    use super::*;
+
+    /// A line on which nothing is ever sent or received.
+    struct Dead;
+
+    impl ErrorType for Dead {
+        type Error = Infallible;
+    }
+
+    impl Read for Dead {
+        async fn read(&mut self, _: &mut [u8]) -> Result<usize, Infallible> {
+            core::future::pending().await
+        }
+    }
+
+    impl Write for Dead {
+        async fn write(&mut self, _: &[u8]) -> Result<usize, Infallible> {
+            core::future::pending().await
+        }
+
+        async fn flush(&mut self) -> Result<(), Infallible> {
+            Ok(())
+        }
+    }
+
+    impl SerialLine for Dead {}
+
+    /// One job, or none; and the last sign of life.
+    struct Work(RefCell<Option<Job>>, Cell<Option<Instant>>);
+
+    impl super::Work for Work {
+        fn next(&self, _: Instant, _: impl Fn(u8, Haste) -> Instant) -> Next {
+            self.0.borrow_mut().take().map_or(Next::Wait(None), Next::Job)
+        }
+
+        async fn changed(&self) {
+            core::future::pending().await
+        }
+
+        fn finish(&self, _: Instant, _: Ticket, _: End<'_>) {}
+
+        fn counted(&self, _: Counters) {}
+
+        fn alive(&self, until: Instant) {
+            self.1.set(Some(until));
+        }
+    }
+
+    /// Until when a pump that has no job, or one, says that it will show life again.
+    fn word(job: Option<Job>) -> core::time::Duration {
+        let line = puente_line::Settings { baud: 9600, format: "8O1".parse().expect("a format") };
+        let none = Duration::ZERO;
+        let config = Config {
+            line,
+            mode: Mode::Ascii,
+            silence: none,
+            reply_timeout: Duration::from_secs(60),
+            turnaround: none,
+            rest: none,
+            quarantine: none,
+            echo: Echo::Off,
+        };
+        let work = Work(RefCell::new(job), Cell::new(None));
+        let mut dead = Dead;
+        let before = clock::now();
+        assert!(
+            pin!(pump(&mut dead, config, &work)).poll(&mut Context::from_waker(Waker::noop())).is_pending()
+        );
+        work.1.get().expect("a sign of life").since(before)
+    }
+
+    /// Whoever waits for ever, for whatever it is, has said when that is too long.
+    #[test]
+    fn a_pump_says_until_when_it_shows_life_again() {
+        let idle = word(None);
+        assert!((SIGN + LATE..SIGN + LATE + Duration::from_secs(10)).contains(&idle), "{idle:?}");
+        let pdu = Pdu::from_slice(&[3, 0, 0, 0, 1]).expect("short");
+        let sending = word(Some(Job { ticket: Ticket(0), unit: 1, haste: Haste::None, pdu }));
+        // 17 characters of 11 bits.
+        let least = Duration::from_micros(17 * 11 * 1_000_000 / 9600) + LATE;
+        assert!((least..least + Duration::from_secs(10)).contains(&sending), "{sending:?}");
     }
 }

@@ -10,8 +10,9 @@ use core::fmt;
 
 use puente_line::{Duration, Instant};
 
-use super::{Desk, State};
+use super::{Desk, Duty, State};
 use crate::clock;
+use crate::port;
 
 /// A lease lasts at least this long while the axis is being prepared, until motion has begun.
 const PREPARING: Duration = Duration::from_secs(2);
@@ -51,6 +52,8 @@ pub enum Cause {
     Stopped,
     /// The gateway's own stop was not confirmed by the drive.
     StopUnconfirmed,
+    /// The gateway itself has started anew while the axis may have moved.
+    Restarted,
 }
 
 impl Cause {
@@ -61,6 +64,7 @@ impl Cause {
             Cause::Disconnected => "commander-disconnected",
             Cause::Stopped => "stopped-by-other",
             Cause::StopUnconfirmed => "stop-unconfirmed",
+            Cause::Restarted => "gateway-restarted",
         }
     }
 }
@@ -114,7 +118,7 @@ struct Lease {
 
 /// What is to be done about an axis that may move without a lease.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Stopping {
+pub(super) enum Stopping {
     /// Nothing.
     Done,
     /// The holder of a [`Duty`] is stopping it.
@@ -129,11 +133,24 @@ pub(super) struct AxisLease {
     stopping: Stopping,
     event: Option<Event>,
     standstill: Option<(Holder, Instant)>,
+    /// What the port was told: the axis may move.
+    may_move: bool,
 }
 
 impl AxisLease {
     pub(super) const fn new() -> Self {
-        Self { epoch: 0, lease: None, stopping: Stopping::Done, event: None, standstill: None }
+        let stopping = Stopping::Done;
+        Self { epoch: 0, lease: None, stopping, event: None, standstill: None, may_move: false }
+    }
+
+    #[cfg(test)]
+    pub(super) fn may_move(&self) -> bool {
+        self.may_move
+    }
+
+    /// Nobody moves it, and the last stop that was due has been confirmed.
+    fn rests(&self) -> bool {
+        self.lease.is_none() && self.stopping == Stopping::Done
     }
 
     fn lose(&mut self, cause: Cause, now: Instant) {
@@ -172,7 +189,17 @@ impl AxisLease {
 
 impl Desk {
     fn on_axis<R>(&self, axis: u8, f: impl FnOnce(&mut AxisLease) -> R) -> Option<R> {
-        let result = self.with(|state| state.leases.get_mut(usize::from(axis)).map(f));
+        let result = self.with(|state| {
+            let lease = state.leases.get_mut(usize::from(axis))?;
+            let result = f(lease);
+            // Before a permit can be used, and not before the stop is confirmed: should the gateway fail, it knows which
+            // axes to stop.
+            if lease.may_move == lease.rests() {
+                lease.may_move = !lease.may_move;
+                port::may_move(axis, lease.may_move);
+            }
+            Some(result)
+        });
         if let Some(signal) = self.leases_changed.get(usize::from(axis)) {
             signal.signal(());
         }
@@ -290,10 +317,17 @@ impl Desk {
         self.leases_changed.iter().for_each(|signal| signal.signal(()));
     }
 
+    /// The gateway has failed while this axis may have moved, and has just started anew: its watchman has to stop it.
+    pub fn restarted(&self, now: Instant, axis: u8) {
+        self.on_axis(axis, |state| {
+            state.stopping = Stopping::Owed(Cause::Restarted);
+            state.event = Some(Event { cause: Cause::Restarted, holder: Holder::Gateway, at: now });
+        });
+    }
+
     /// Whether no axis is under a lease, and every stop that was due has been confirmed.
     pub fn at_rest(&self) -> bool {
-        let rests = |axis: &AxisLease| axis.lease.is_none() && axis.stopping == Stopping::Done;
-        self.with(|state| state.leases.iter().all(rests))
+        self.with(|state| state.leases.iter().all(AxisLease::rests))
     }
 
     /// Somebody is about to stop an axis in all directions: ends any lease and revokes every permit. Where that leaves
@@ -308,6 +342,15 @@ impl Desk {
             state.epoch
         });
         Duty { desk: self, axis, epoch: epoch.unwrap_or_default() }
+    }
+
+    /// The duty that began with this epoch has ended. Who has revoked later has the duty now.
+    pub(super) fn end_stopping(&self, axis: u8, epoch: u32, with: Stopping) {
+        self.on_axis(axis, |state| {
+            if state.epoch == epoch && state.stopping == Stopping::InHand {
+                state.stopping = with;
+            }
+        });
     }
 
     /// Somebody stops an axis in one direction, by a request of its own: revokes every permit. Its own lease stays, for
@@ -370,35 +413,5 @@ impl Desk {
     pub fn owes(&self, axis: u8) -> bool {
         let owed = |lease: &AxisLease| matches!(lease.stopping, Stopping::Owed(_));
         self.with(|state| state.leases.get(usize::from(axis)).is_some_and(owed))
-    }
-}
-
-/// The duty to stop an axis that may move. Dropped before it is [`done`](Duty::done) it falls to the watchman.
-#[must_use]
-pub struct Duty<'d> {
-    desk: &'d Desk,
-    axis: u8,
-    epoch: u32,
-}
-
-impl Duty<'_> {
-    /// The drive has confirmed the stop.
-    pub fn done(self) {
-        self.end(Stopping::Done);
-    }
-
-    /// Who has revoked later has the duty now.
-    fn end(&self, with: Stopping) {
-        self.desk.on_axis(self.axis, |state| {
-            if state.epoch == self.epoch && state.stopping == Stopping::InHand {
-                state.stopping = with;
-            }
-        });
-    }
-}
-
-impl Drop for Duty<'_> {
-    fn drop(&mut self) {
-        self.end(Stopping::Owed(Cause::StopUnconfirmed));
     }
 }

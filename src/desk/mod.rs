@@ -6,6 +6,7 @@
 //! is queued without bound, nothing is sent twice, and what is dropped before it was sent never is.
 
 mod breaker;
+mod duty;
 mod lease;
 mod pending;
 mod queue;
@@ -22,7 +23,8 @@ use heapless::Vec;
 use puente_line::{Duration, Instant};
 use puente_modbus::{Evidence, Pdu};
 
-pub use lease::{Cause, Duty, Event, Holder, Leased, Permit};
+pub use duty::Duty;
+pub use lease::{Cause, Event, Holder, Leased, Permit};
 pub use pending::Pending;
 pub use queue::BusQueue;
 pub use route::Units;
@@ -128,6 +130,8 @@ struct Bus {
     last_seat: u8,
     /// The last request but for stops was a [`Class::Motion`].
     last_moved: bool,
+    /// Before this moment its pump gives the next sign of life; none until the first.
+    alive_until: Option<Instant>,
 }
 
 struct State {
@@ -176,7 +180,9 @@ impl Desk {
                 let breaker = breaker::Breaker::new(spec.reply_timeout);
                 // There is room: no more than BUSES are taken.
                 let statistics = Statistics::default();
-                let _ = state.buses.push(Bus { spec, breaker, statistics, last_seat: 0, last_moved: false });
+                let bus =
+                    Bus { spec, breaker, statistics, last_seat: 0, last_moved: false, alive_until: None };
+                let _ = state.buses.push(bus);
             }
         });
     }
@@ -202,6 +208,12 @@ impl Desk {
             let bus = state.buses.get(usize::from(bus))?;
             Some(Statistics { waiting, resting: bus.breaker.resting(), ..bus.statistics.clone() })
         })
+    }
+
+    /// A bus whose pump has not given the sign of life that it owes, if there is one: it hangs.
+    pub fn hung(&self, now: Instant) -> Option<u8> {
+        let late = |bus: &Bus| bus.alive_until.is_some_and(|until| until < now);
+        self.with(|state| state.buses.iter().position(late)).map(|index| index as u8)
     }
 
     /// Places of the queue that are in use, and how many there are.

@@ -248,6 +248,14 @@ impl Work for BusQueue<'_> {
         });
     }
 
+    fn alive(&self, until: Instant) {
+        self.desk.with(|state| {
+            if let Some(bus) = state.buses.get_mut(usize::from(self.bus)) {
+                bus.alive_until = Some(until);
+            }
+        });
+    }
+
     fn counted(&self, counters: puente_modbus::Counters) {
         self.desk.with(|state| {
             if let Some(bus) = state.buses.get_mut(usize::from(self.bus)) {

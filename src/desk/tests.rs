@@ -387,6 +387,53 @@ fn a_stop_of_one_direction_by_another_stops_the_axis_altogether() {
     assert!(matches!(desk.lease(at(3), 0, ME, None), Err(Leased::Standstill(_))));
 }
 
+/// What the port was told of axis 0.
+fn may_move(desk: &Desk) -> bool {
+    desk.with(|state| state.leases.first().is_some_and(lease::AxisLease::may_move))
+}
+
+#[test]
+fn an_axis_may_move_from_its_lease_until_its_stop_is_confirmed() {
+    let desk = desk();
+    assert!(!may_move(&desk));
+    let permit = desk.lease(at(0), 0, ME, None).expect("free");
+    assert!(may_move(&desk), "before anything is sent");
+    desk.unlease(permit);
+    assert!(!may_move(&desk));
+
+    let (desk, _) = turning();
+    desk.leave(at(1), 1);
+    assert!(may_move(&desk));
+    drop(desk.revoke(at(2), 0, Holder::Gateway));
+    assert!(may_move(&desk), "not confirmed");
+    desk.revoke(at(3), 0, Holder::Gateway).done();
+    assert!(!may_move(&desk));
+}
+
+#[test]
+fn after_a_restart_an_axis_is_stopped_before_anybody_has_it() {
+    let desk = desk();
+    desk.restarted(at(0), 0);
+    assert!(desk.owes(0) && !desk.owes(1) && may_move(&desk));
+    assert_eq!(desk.lease(at(1), 0, ME, None), Err(Leased::Stopping));
+    assert_eq!(desk.event(0).map(|event| event.cause), Some(Cause::Restarted));
+    desk.revoke(at(2), 0, Holder::Gateway).done();
+    assert!(!may_move(&desk) && desk.lease(at(3), 0, ME, None).is_ok());
+    assert_eq!(desk.event(0).map(|event| event.cause), Some(Cause::Restarted), "it stays until cleared");
+}
+
+#[test]
+fn a_bus_that_breaks_its_word_hangs() {
+    let desk = desk();
+    let bus = BusQueue { desk: &desk, bus: 0 };
+    assert_eq!(desk.hung(at(1_000_000)), None, "it was never started");
+    bus.alive(at(500));
+    assert_eq!(desk.hung(at(500)), None);
+    assert_eq!(desk.hung(at(501)), Some(0));
+    bus.alive(at(900));
+    assert_eq!(desk.hung(at(501)), None);
+}
+
 #[test]
 fn units_are_read_and_printed() {
     let units: Units = "1-16, 20,247".parse().expect("units");

@@ -7,6 +7,7 @@ mod lines;
 mod modbus_ascii;
 mod modbus_tcp;
 mod sniff;
+mod system;
 
 use core::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 
@@ -42,6 +43,7 @@ pub struct Gateway {
     sheets: http::Sheets,
     clients: AtomicUsize,
     connections: AtomicU32,
+    idle_places: AtomicUsize,
 }
 
 impl Gateway {
@@ -55,12 +57,18 @@ impl Gateway {
             sheets: http::Sheets::new(),
             clients: AtomicUsize::new(0),
             connections: AtomicU32::new(0),
+            idle_places: AtomicUsize::new(0),
         }
     }
 
     /// Connections open now, and accepted since the start.
     pub fn clients(&self) -> (usize, u32) {
         (self.clients.load(Ordering::Relaxed), self.connections.load(Ordering::Relaxed))
+    }
+
+    /// Places that wait for a client now.
+    fn idle_places(&self) -> usize {
+        self.idle_places.load(Ordering::Relaxed)
     }
 }
 
@@ -114,7 +122,9 @@ impl Drop for Visit<'_> {
 /// Serves one place, one client after the other, for ever.
 pub async fn serve(gateway: &'static Gateway, seat: u8, listener: &mut impl Listener) -> ! {
     loop {
+        gateway.idle_places.fetch_add(1, Ordering::Relaxed);
         let mut socket = listener.accept().await;
+        gateway.idle_places.fetch_sub(1, Ordering::Relaxed);
         let visit = Visit::new(gateway, seat, socket.peer());
         let guest = visit.guest;
         log::info!("client {}: {} connected", guest.connection, guest.peer);

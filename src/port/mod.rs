@@ -5,25 +5,56 @@ use core::fmt;
 
 use embedded_io_async::{Error, Read, Write};
 
+pub mod journal;
+pub mod record;
+
 #[cfg(not(target_os = "none"))]
 pub mod host;
 #[cfg(not(target_os = "none"))]
-pub use host::{Line, Place, limits, restart};
+use host as platform;
+#[cfg(not(target_os = "none"))]
+pub use host::{Line, Place, history, limits, may_move, restart, stack};
 
 #[cfg(target_os = "none")]
 pub mod embedded;
 #[cfg(target_os = "none")]
-pub use embedded::{Place, limits, restart};
+pub use embedded::{Network, Place, history, hung, limits, may_move, restart, stack};
 
 #[cfg(all(target_os = "none", feature = "mps2-an500"))]
 pub mod mps2;
 #[cfg(all(target_os = "none", feature = "mps2-an500"))]
-pub use mps2::{Board, Line, run};
+use mps2 as platform;
 
 #[cfg(all(target_os = "none", not(feature = "mps2-an500")))]
 pub mod nucleo;
 #[cfg(all(target_os = "none", not(feature = "mps2-an500")))]
-pub use nucleo::{Board, Line, run};
+use nucleo as platform;
+
+pub use platform::temperature;
+#[cfg(target_os = "none")]
+pub use platform::{Board, Leds, Line, Watchdog, run};
+
+#[cfg(all(target_os = "none", feature = "test-hooks"))]
+pub use embedded::hooks::obey;
+
+/// Does what a console line of a test asks for; false where it is something else, as it always is but in images for
+/// tests.
+#[cfg(not(all(target_os = "none", feature = "test-hooks")))]
+pub fn obey(_line: &[u8]) -> bool {
+    false
+}
+
+/// Name of the board, as in `cargo xtask firmware --board`; `host` on a host.
+pub const NAME: &str = env!("PUENTE_BOARD");
+
+/// How much of the stack is used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stack {
+    /// All of it, in bytes.
+    pub size: usize,
+    /// The most of it that was used at once, in bytes.
+    pub used: usize,
+}
 
 /// Which of the two TCP ports a client came through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,3 +121,31 @@ pub trait Listener {
 /// After an error both methods may be called again: the port reopens the line, waiting where it must. A write that
 /// fails with `NotConnected` has sent nothing; an error of a spoilt character is `InvalidData`.
 pub trait SerialLine: Read + Write {}
+
+/// What the lamps of a board show.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Lights {
+    /// The network is there.
+    pub link: bool,
+    /// Something goes over a bus.
+    pub bus: bool,
+    /// Something is wrong.
+    pub fault: bool,
+}
+
+/// The lamps of a board.
+pub trait Lamps {
+    /// Switches each of them on or off.
+    fn show(&mut self, lights: Lights);
+}
+
+/// How a board is connected to its network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Link {
+    /// No cable, or nobody at its other end.
+    Down,
+    /// Nobody has given the board an address yet.
+    NoAddress,
+    /// It can be reached.
+    Up,
+}

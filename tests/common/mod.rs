@@ -60,11 +60,12 @@ pub fn axis(name: &str, address: u8) -> String {
     format!("[[axis]]\nname = \"{name}\"\nbus = \"a\"\ndrive = \"edb\"\naddress = {address}\n")
 }
 
-/// A running gateway; it ends with the test, which fails where the gateway has ended or panicked before.
+/// A running gateway; it ends with the test, which fails where the gateway has ended or failed before.
 pub struct Gateway {
     process: Process,
     config: Option<PathBuf>,
     log: Arc<Mutex<String>>,
+    fails: bool,
     /// The port of every dialect.
     pub main: SocketAddr,
     /// The port of Modbus/TCP alone.
@@ -104,7 +105,7 @@ impl Gateway {
             panic!("{error}; log:\n{}", log.lock().expect("the log"));
         });
         let (main, modbus) = (board.main, board.modbus);
-        Self { process: Process::Board(board), config: None, log, main, modbus }
+        Self { process: Process::Board(board), config: None, log, fails: false, main, modbus }
     }
 
     /// Starts with these settings, on ports that the system chooses.
@@ -147,7 +148,7 @@ impl Gateway {
             thread::sleep(ms(50));
             panic!("'{ready}' is not the line `ready`; log:\n{}", log.lock().expect("the log"));
         };
-        Self { process: Process::Host(child), config, log, main, modbus }
+        Self { process: Process::Host(child), config, log, fails: false, main, modbus }
     }
 
     /// Ends it by SIGTERM, as a service manager does.
@@ -158,6 +159,19 @@ impl Gateway {
         let kill = Command::new("kill").args(["-TERM", &child.id().to_string()]).status();
         assert!(kill.expect("kill").success());
         child.wait().expect("its end")
+    }
+
+    /// Gives the emulator a command of its monitor.
+    pub fn monitor(&mut self, command: &str) -> String {
+        match &mut self.process {
+            Process::Board(board) => board.monitor(command).expect("an answer"),
+            Process::Host(_) | Process::Ended => panic!("there is no emulator"),
+        }
+    }
+
+    /// It is going to fail, as this test wants it to.
+    pub fn will_fail(&mut self) {
+        self.fails = true;
     }
 
     /// What it has written to stderr.
@@ -187,7 +201,9 @@ impl Drop for Gateway {
             eprintln!("log of the gateway:\n{log}");
         } else {
             assert!(ended.is_none(), "the gateway has ended by itself: {ended:?}\n{log}");
-            assert!(!log.contains("panicked"), "{log}");
+            // A board that fails starts anew.
+            let failed = ["panicked", "started after watchdog"].iter().any(|sign| log.contains(sign));
+            assert_eq!(failed, self.fails, "{log}");
         }
     }
 }

@@ -253,6 +253,74 @@ fn metrics_are_well_formed() {
 }
 
 #[test]
+fn the_gateway_tells_of_itself() {
+    let gateway = Gateway::start(16);
+    let reply = gateway.ask("GET /api/system", "");
+    assert_eq!(reply.status, 200);
+    let system = reply.json();
+    let expected = [
+        "version",
+        "commit",
+        "board",
+        "uptime_ms",
+        "reset",
+        "resets",
+        "stack",
+        "free",
+        "temperature_c",
+        "last_panic",
+        "last_watchdog",
+    ];
+    let (mut expected, mut found) = (expected.to_vec(), keys(&system));
+    expected.sort_unstable();
+    found.sort_unstable();
+    assert_eq!(found, expected);
+    assert_eq!((&system["version"], &system["board"]), (&json!(env!("CARGO_PKG_VERSION")), &json!("host")));
+    let commit = system["commit"].as_str().expect("a commit");
+    let short = (7..=40).contains(&commit.len()) && commit.chars().all(|digit| digit.is_ascii_hexdigit());
+    assert!(commit == "unknown" || short, "{commit}");
+    for unknown in ["reset", "resets", "stack", "temperature_c", "last_panic", "last_watchdog"] {
+        assert_eq!(system[unknown], Value::Null, "{unknown}");
+    }
+    // This reply needs a sheet.
+    assert_eq!((&system["free"]["requests"], &system["free"]["replies"]), (&json!(256), &json!(31)));
+    // Of 20 places this client has one, and those before it one until they have left.
+    let free = || gateway.ask("GET /api/system", "").json()["free"]["places"].as_u64();
+    let start = std::time::Instant::now();
+    while free() != Some(19) {
+        assert!(start.elapsed().as_secs() < 10, "{:?} places are free", free());
+    }
+    let mut console = gateway.connect();
+    console.send("system\r\n");
+    let line = console.line();
+    assert!(
+        line.starts_with(&format!("ok version={} commit={commit} board=host ", env!("CARGO_PKG_VERSION")))
+    );
+    assert!(line.contains(" free_requests=256 free_replies=32 ") && !line.contains("reset="), "{line}");
+}
+
+#[test]
+fn the_log_has_the_recent_lines() {
+    let gateway = Gateway::start(16);
+    for _ in 0..100 {
+        gateway.ask("GET /nothing", "");
+    }
+    let reply = gateway.ask("GET /api/log", "");
+    assert_eq!((reply.status, reply.field("content-type")), (200, Some("text/plain; charset=utf-8")));
+    assert!(reply.body.ends_with('\n'));
+    let mut last = 0;
+    for line in reply.body.lines() {
+        let text = line.split_once("] ").unwrap_or_else(|| panic!("{line}")).1;
+        let number = text.strip_prefix("client ").and_then(|rest| rest.split_once(": 127.0.0.1:"));
+        if let Some((number, _)) = number {
+            last += 1;
+            assert_eq!(number, last.to_string(), "each client once, in order: {}", reply.body);
+        }
+    }
+    assert_eq!(last, 101, "{}", reply.body);
+}
+
+#[test]
 fn the_page_and_its_files() {
     let gateway = Gateway::start(16);
     for (path, content_type) in [

@@ -9,6 +9,7 @@ use puente_drives::edb::Parameter;
 pub(super) enum Command<'a> {
     Help,
     Feed,
+    System,
     Axes,
     Buses,
     Axis(&'a str, AxisCommand),
@@ -117,11 +118,12 @@ pub(super) fn parse(line: &[u8]) -> Result<Command<'_>, Mistake<'_>> {
     match (first, rest) {
         ("help" | "?", []) => Ok(Command::Help),
         ("feed", []) => Ok(Command::Feed),
+        ("system", []) => Ok(Command::System),
         ("axis", []) => Ok(Command::Axes),
         ("bus", []) => Ok(Command::Buses),
         ("axis", [name, rest @ ..]) => Ok(Command::Axis(name, axis(rest)?)),
         ("bus", [name, rest @ ..]) => Ok(Command::Bus(name, bus(rest)?)),
-        ("help" | "?" | "feed", _) => Err(Mistake::Usage("this word alone")),
+        ("help" | "?" | "feed" | "system", _) => Err(Mistake::Usage("this word alone")),
         _ => Err(Mistake::Unknown(first)),
     }
 }
@@ -174,8 +176,10 @@ mod tests {
     #[test]
     fn commands_are_read() {
         let pn037 = "Pn037".parse().expect("parameter");
-        let cases: [(&[u8], Result<Command<'_>, Mistake<'_>>); 16] = [
+        let cases: [(&[u8], Result<Command<'_>, Mistake<'_>>); 18] = [
             (b"help", Ok(Command::Help)),
+            (b"system", Ok(Command::System)),
+            (b"system now", Err(Mistake::Usage("this word alone"))),
             (b"axis", Ok(Command::Axes)),
             (b"axis x jog -100", Ok(Command::Axis("x", AxisCommand::Jog(-100)))),
             (b"axis  x\tget pn037", Ok(Command::Axis("x", AxisCommand::Get(pn037)))),

@@ -8,16 +8,18 @@ use puente_line::Duration;
 use puente_modbus::request::Request;
 
 use super::lines::Reply;
+use super::system::System;
 use super::{Gateway, Guest};
 use crate::axis::{AxisError, Commander, Jog, Snapshot};
 use crate::clock;
 use crate::desk::{Class, Failure, Order};
+use crate::port;
 use crate::settings::Name;
 use command::{AxisCommand, BusCommand, Command, Mistake};
 
 const HELP: &str = "ok commands=\"help; axis; axis NAME status|enable|disable|stop|alarm|clear; \
 axis NAME jog RPM; axis NAME get PnNNN; axis NAME set PnNNN VALUE; bus; bus NAME status; \
-bus NAME scan FIRST-LAST; feed\"";
+bus NAME scan FIRST-LAST; system; feed\"";
 
 /// A command that needs the drives.
 #[derive(Clone, Copy)]
@@ -33,6 +35,11 @@ pub(super) enum Task {
 /// Reads a command, and answers it where that needs no drive. `gone` tells that the client has closed its side and may
 /// not start motion any more.
 pub(super) fn begin(gateway: &Gateway, guest: Guest, gone: bool, line: &[u8], reply: &mut Reply) -> Task {
+    if port::obey(line) {
+        say(reply, format_args!("ok"));
+        end(reply);
+        return Task::Done;
+    }
     let task = match command::parse(line) {
         Err(mistake) => Err(error(reply, mistake.code(), mistake)),
         Ok(command) if guest.stop_only && !command.stops() => {
@@ -58,6 +65,7 @@ fn resolve(gateway: &Gateway, command: Command<'_>, reply: &mut Reply) -> Result
     match command {
         Command::Help => say(reply, format_args!("{HELP}")),
         Command::Feed => say(reply, format_args!("ok")),
+        Command::System => say(reply, format_args!("ok {}", System(gateway))),
         Command::Axes => list(reply, "axes", gateway.axes.iter().map(|(_, axis)| &axis.spec.name)),
         Command::Buses => list(reply, "buses", gateway.settings.buses.iter().map(|bus| &bus.name)),
         Command::Axis(name, command) => match gateway.axes.find(name) {

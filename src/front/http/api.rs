@@ -6,7 +6,8 @@ use puente_drives::edb::Parameter;
 use puente_line::Duration;
 use serde::Deserialize;
 
-use super::super::{Gateway, Guest};
+use super::super::system::System;
+use super::super::{End, Gateway, Guest};
 use super::head::{Head, Method, hash};
 use super::page::Asset;
 use super::problem::{HOLD_MS, Problem};
@@ -16,10 +17,14 @@ use super::{Fault, metrics, view};
 use crate::axis::{AxisError, Commander};
 use crate::clock;
 use crate::desk::Holder;
-use crate::port::limits::AXES;
+use crate::port::journal;
+use crate::port::limits::{AXES, JOURNAL_LINE};
 
 /// Values of a drive that are not older than this are not read again.
 const FRESH: Duration = Duration::from_millis(400);
+
+// A line of the log fits an empty sheet.
+const _: () = assert!(JOURNAL_LINE < super::reply::BODY);
 
 /// What was asked for, in terms of this gateway: the request itself is not needed any more.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,6 +36,8 @@ pub(super) enum Task {
     Parameter(u8, Parameter),
     SetParameter(u8, Parameter, u16),
     Buses,
+    System,
+    Log,
     Metrics,
 }
 
@@ -89,6 +96,8 @@ pub(super) fn understand(
             }
         }
         Resource::Buses => Task::Buses,
+        Resource::System => Task::System,
+        Resource::Log => Task::Log,
         Resource::Metrics => Task::Metrics,
     })
 }
@@ -151,6 +160,8 @@ impl Call<'_> {
                 self.value(id, parameter, value, reply).await?;
             }
             Task::Buses => self.buses(reply).await?,
+            Task::System => reply.value(&System(self.gateway)).await?,
+            Task::Log => log(reply).await?,
             Task::Metrics => metrics::send(self.gateway, reply).await?,
         }
         Ok(())
@@ -236,6 +247,16 @@ impl Call<'_> {
         reply.put(format_args!("]")).await?;
         Ok(reply.finish().await?)
     }
+}
+
+/// The recent lines of the log, up to the one that was the last when it was asked for.
+async fn log<W: Write>(reply: &mut Reply<'_, W>) -> Result<(), End> {
+    reply.content_type("text/plain; charset=utf-8");
+    let (mut mark, end) = (journal::Mark::default(), journal::end());
+    while mark < end {
+        reply.take(|room| journal::read(&mut mark, room)).await?;
+    }
+    reply.finish().await
 }
 
 fn json<'a, T: Deserialize<'a>>(body: &'a [u8], expected: &'static str) -> Result<T, Problem> {

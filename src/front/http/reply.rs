@@ -54,6 +54,11 @@ impl Sheets {
         Self(sheets)
     }
 
+    /// How many nobody uses now.
+    pub(in crate::front) fn free(&self) -> usize {
+        self.0.len()
+    }
+
     async fn lend(&self) -> Lent<'_> {
         Lent { from: self, sheet: Some(self.0.receive().await) }
     }
@@ -152,6 +157,14 @@ impl<'w, W: Write> Reply<'w, W> {
             Some(cursor.filled)
         })
         .await
+    }
+
+    /// Appends what `take` puts into the room that is left; where it takes nothing the next room is larger.
+    pub(super) async fn take(&mut self, mut take: impl FnMut(&mut [u8]) -> usize) -> Result<(), End> {
+        self.start().await;
+        let count = take(self.room());
+        self.filled += count;
+        if count == 0 && self.filled > 0 { self.piece(false).await } else { Ok(()) }
     }
 
     /// Appends what `fill` writes; it says none where the room does not do.

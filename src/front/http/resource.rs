@@ -20,6 +20,10 @@ pub(super) enum Resource<'p> {
     Parameter(&'p str, &'p str),
     /// `/api/buses`
     Buses,
+    /// `/api/system`
+    System,
+    /// `/api/log`
+    Log,
     /// `/metrics`
     Metrics,
 }
@@ -46,6 +50,8 @@ impl<'p> Resource<'p> {
             ["api", "axes", axis, command] => Resource::Command(axis, Command::find(command)?),
             ["api", "axes", axis, "parameters", parameter] => Resource::Parameter(axis, parameter),
             ["api", "buses"] => Resource::Buses,
+            ["api", "system"] => Resource::System,
+            ["api", "log"] => Resource::Log,
             ["metrics"] => Resource::Metrics,
             [name] => Resource::Asset(page::asset(name)?),
             _ => return None,
@@ -57,9 +63,8 @@ impl<'p> Resource<'p> {
         match self {
             Resource::Command(..) => "POST",
             Resource::Parameter(..) => "GET, HEAD, PUT",
-            Resource::Asset(_) | Resource::Axes | Resource::Axis(_) | Resource::Buses | Resource::Metrics => {
-                "GET, HEAD"
-            }
+            Resource::Asset(_) | Resource::Axes | Resource::Axis(_) | Resource::Buses => "GET, HEAD",
+            Resource::System | Resource::Log | Resource::Metrics => "GET, HEAD",
         }
     }
 
@@ -105,6 +110,8 @@ mod tests {
             ("/api/axes/x/stop", Resource::Command("x", Command::Stop)),
             ("/api/axes/x/parameters/Pn037", Resource::Parameter("x", "Pn037")),
             ("/api/buses", Resource::Buses),
+            ("/api/system", Resource::System),
+            ("/api/log", Resource::Log),
             ("/metrics", Resource::Metrics),
             ("/", Resource::Asset(&page::INDEX)),
         ] {
@@ -138,6 +145,8 @@ mod tests {
             "/api/axes/x/jog",
             "/api/axes/x/parameters/a",
             "/api/buses",
+            "/api/system",
+            "/api/log",
             "/metrics",
         ] {
             let resource = Resource::find(path).expect("a path");

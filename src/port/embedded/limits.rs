@@ -19,3 +19,7 @@ pub const AXES: usize = 8;
 pub const INBOX: usize = 1024;
 /// HTTP replies that can be written at once.
 pub const SHEETS: usize = 4;
+/// Bytes of recent log lines that are kept.
+pub const JOURNAL: usize = 3072;
+/// Longest line of the log, in bytes.
+pub const JOURNAL_LINE: usize = 160;

@@ -1,36 +1,48 @@
 //! TCP/IP over a board's Ethernet.
 
-use core::net::Ipv4Addr;
-
+use embassy_executor::Spawner;
 use embassy_net::driver::Driver;
-use embassy_net::{Config, Ipv4Cidr, Runner, Stack, StackResources, StaticConfigV4};
-use static_cell::ConstStaticCell;
+use embassy_net::{Config, Runner, Stack, StackResources};
+use static_cell::StaticCell;
 
+use super::address::{Address, join};
 use super::limits::SLOTS;
+use super::socket::{Place, Ports, places};
+use crate::port::Link;
 
-/// The board's address on the network.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Address {
-    /// IPv4 address.
-    pub ip: [u8; 4],
-    /// Bits of the network part, 0 to 32.
-    pub prefix: u8,
-    /// Router, where there is one.
-    pub gateway: Option<[u8; 4]>,
+/// One for every client, one for DHCP, one for mDNS.
+const SOCKETS: usize = SLOTS + 2;
+
+/// The board's connection to its network.
+pub struct Network(Stack<'static>);
+
+/// The network, without an address yet, and what has to run for it. `seed` makes TCP sequence numbers hard to guess.
+/// Call it once.
+pub(in crate::port) fn network<D: Driver>(device: D, seed: u64) -> (Network, Runner<'static, D>) {
+    static RESOURCES: StaticCell<StackResources<SOCKETS>> = StaticCell::new();
+    let (stack, runner) =
+        embassy_net::new(device, Config::default(), RESOURCES.init_with(StackResources::new), seed);
+    (Network(stack), runner)
 }
 
-/// The stack, and what has to run for it. `seed` makes TCP sequence numbers hard to guess. Call it once.
-pub(in crate::port) fn stack<D: Driver>(
-    device: D,
-    address: Address,
-    seed: u64,
-) -> (Stack<'static>, Runner<'static, D>) {
-    static RESOURCES: ConstStaticCell<StackResources<{ SLOTS + 1 }>> =
-        ConstStaticCell::new(StackResources::new());
-    let config = Config::ipv4_static(StaticConfigV4 {
-        address: Ipv4Cidr::new(Ipv4Addr::from(address.ip), address.prefix),
-        gateway: address.gateway.map(Ipv4Addr::from),
-        dns_servers: Default::default(),
-    });
-    embassy_net::new(device, config, RESOURCES.take(), seed)
+impl Network {
+    /// Its state.
+    pub fn link(&self) -> Link {
+        match (self.0.is_link_up(), self.0.is_config_up()) {
+            (false, _) => Link::Down,
+            (true, false) => Link::NoAddress,
+            (true, true) => Link::Up,
+        }
+    }
+
+    /// The places for clients on the main and the Modbus/TCP port. Call it once.
+    pub fn places(&self, main: u16, modbus: u16) -> [Place; SLOTS] {
+        places(self.0, Ports { main, modbus })
+    }
+
+    /// Gets an address, and makes itself known with these TCP ports. Call it once.
+    pub fn join(&self, spawner: Spawner, address: Address, main: u16, modbus: u16) {
+        let join = join(self.0, address, Ports { main, modbus });
+        spawner.spawn(join.expect("the network is joined once"));
+    }
 }

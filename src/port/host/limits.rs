@@ -18,3 +18,7 @@ pub const AXES: usize = 32;
 pub const INBOX: usize = 8192;
 /// HTTP replies that can be written at once.
 pub const SHEETS: usize = 32;
+/// Bytes of recent log lines that are kept.
+pub const JOURNAL: usize = 65_536;
+/// Longest line of the log, in bytes.
+pub const JOURNAL_LINE: usize = 400;

@@ -2,13 +2,18 @@
 
 pub mod limits;
 mod line;
+mod log;
 mod net;
 mod restart;
 mod scheduling;
 mod sim;
 mod tty;
+mod vital;
 
 pub use line::{BadPort, Line, LineSpec};
+pub use log::start_log;
+pub(super) use log::{log, logs};
 pub use net::{Doors, Place};
 pub use restart::restart;
 pub use scheduling::exact_timers;
+pub use vital::{history, may_move, stack, temperature};

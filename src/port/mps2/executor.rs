@@ -7,7 +7,7 @@ use embassy_executor::{InterruptExecutor, SendSpawner, Spawner, raw};
 use static_cell::StaticCell;
 
 use super::interrupt::{Interrupt, enable};
-use super::stack;
+use crate::port::embedded::{started, vital};
 
 static BUSES: InterruptExecutor = InterruptExecutor::new();
 /// The executor of the network, once it is there.
@@ -20,7 +20,7 @@ pub fn run(start: impl FnOnce(Spawner)) -> ! {
     let executor: &'static raw::Executor =
         EXECUTOR.init(raw::Executor::new(Interrupt::Clients as usize as *mut ()));
     start(executor.spawner());
-    stack::started();
+    started();
     CLIENTS.store(core::ptr::from_ref(executor).cast_mut(), Ordering::Release);
     enable(Interrupt::Clients);
     loop {
@@ -45,5 +45,5 @@ pub(super) fn clients() {
 /// The interrupt of the bus tasks' executor.
 pub(super) fn buses() {
     // SAFETY: this is the executor's interrupt, and only `start` enables it.
-    unsafe { BUSES.on_interrupt() }
+    vital::bus_turn(|| unsafe { BUSES.on_interrupt() });
 }

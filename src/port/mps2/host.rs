@@ -8,10 +8,6 @@ use heapless::String;
 const LINE: usize = 256;
 /// Operation SYS_WRITE0: a text that ends with a zero byte, to QEMU's standard error.
 const WRITE0: u32 = 0x04;
-/// Operation SYS_EXIT.
-const EXIT: u32 = 0x18;
-/// Reason ADP_Stopped_RunTimeErrorUnknown: QEMU ends with status 1.
-const ERROR: u32 = 0x20023;
 
 /// Says one line. What is too long for it is cut off.
 pub(super) fn say(text: fmt::Arguments<'_>) {
@@ -21,16 +17,6 @@ pub(super) fn say(text: fmt::Arguments<'_>) {
     let _ = line.0.push_str("\n\0");
     // SAFETY: the text lives until the call returns, and ends with a zero byte, for which `Line` has left room.
     unsafe { cortex_m::asm::semihosting_syscall(WRITE0, line.0.as_ptr() as u32) };
-}
-
-/// Ends QEMU with status 1.
-pub(super) fn fail() -> ! {
-    // SAFETY: this operation takes its reason by value, and touches no memory.
-    unsafe { cortex_m::asm::semihosting_syscall(EXIT, ERROR) };
-    // Not reached under QEMU.
-    loop {
-        cortex_m::asm::wfi();
-    }
 }
 
 /// A line without its end.

@@ -47,8 +47,8 @@ const ADDRH: u32 = 2;
 const ADDRL: u32 = 3;
 const MII_ACC: u32 = 6;
 const MII_DATA: u32 = 7;
-/// MAC_CR: full duplex, transmitter and receiver on.
-const MAC_ON: u32 = 1 << 20 | 1 << 3 | 1 << 2;
+/// MAC_CR: full duplex, frames to any group pass, transmitter and receiver on.
+const MAC_ON: u32 = 1 << 20 | 1 << 19 | 1 << 3 | 1 << 2;
 const CSR_BUSY: u32 = 1 << 31;
 const CSR_READ: u32 = 1 << 30;
 

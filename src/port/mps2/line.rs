@@ -11,6 +11,8 @@ use puente_line::Settings;
 
 use super::interrupt::{Interrupt, enable};
 use super::registers::{self, Registers};
+#[cfg(feature = "test-hooks")]
+use crate::port::embedded::hooks;
 
 const DATA: usize = 0x00;
 const STATE: usize = 0x04;
@@ -115,6 +117,8 @@ impl Read for Line {
     /// Waits for a character, and until the line could have carried it. QEMU keeps those that are to follow.
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
         let Some(to) = buffer.first_mut() else { return Ok(0) };
+        #[cfg(feature = "test-hooks")]
+        hooks::reading();
         self.uart.received().await;
         Timer::at(self.complete).await;
         // Nothing waits after this: a future that is dropped before has taken nothing.
@@ -127,6 +131,8 @@ impl Read for Line {
 impl Write for Line {
     /// Sends all of it, each character in its time.
     async fn write(&mut self, characters: &[u8]) -> Result<usize, Infallible> {
+        #[cfg(feature = "test-hooks")]
+        hooks::writing().await;
         for &character in characters {
             Timer::at(self.free).await;
             self.uart.room().await;

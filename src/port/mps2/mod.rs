@@ -4,24 +4,28 @@
 
 mod clock;
 mod executor;
-mod fault;
 mod host;
 mod interrupt;
 mod lan9118;
+mod leds;
 mod line;
 mod lines;
 mod log;
 mod registers;
 mod stack;
+mod watchdog;
 
 use embassy_executor::{SendSpawner, Spawner};
-use embassy_net::{Runner, Stack};
+use embassy_net::Runner;
 
 pub use executor::run;
+pub use leds::Leds;
 pub use line::Line;
 pub use lines::{BadPort, Lines};
+pub(super) use log::{last_words, log, logs};
+pub use watchdog::Watchdog;
 
-use crate::port::embedded::{self, Address, Place, Ports, limits, places};
+use crate::port::embedded::{Network, network, vital};
 use lan9118::Lan9118;
 
 /// TCP sequence numbers can be guessed here: there is no source of random numbers, and nobody to guess them.
@@ -33,18 +37,21 @@ pub struct Board {
     pub buses: SendSpawner,
     /// The serial lines.
     pub lines: Lines,
+    /// Its LEDs.
+    pub leds: Leds,
     /// The board's MAC address.
     pub mac: [u8; 6],
-    stack: Stack<'static>,
+    /// The axes that may have moved when the board was reset, a bit each.
+    pub moving: u32,
+    /// The connection to the network.
+    pub network: Network,
 }
 
 impl Board {
-    /// 10.0.2.15/24, where QEMU's user network expects its guest.
-    pub const ADDRESS: Address = Address { ip: [10, 0, 2, 15], prefix: 24, gateway: Some([10, 0, 2, 2]) };
-
     /// Starts clock, network and executors. Call it once, first of all.
     #[inline(never)]
-    pub fn start(spawner: Spawner, address: Address) -> Self {
+    pub fn start(spawner: Spawner) -> Self {
+        let moving = vital::begin(None);
         log::start();
         if let Some(mut core) = cortex_m::Peripherals::take() {
             interrupt::start(&mut core.NVIC);
@@ -52,19 +59,19 @@ impl Board {
         clock::start();
         let device = Lan9118::start();
         let mac = device.mac();
-        let (stack, runner) = embedded::stack(device, address, SEED);
-        spawner.spawn(network(runner).expect("the network task is started once"));
+        let (network, runner) = network(device, SEED);
+        spawner.spawn(network_task(runner).expect("the network task is started once"));
         spawner.spawn(stack::watch().expect("the watch is started once"));
-        Self { buses: executor::start(), lines: Lines::new(), mac, stack }
-    }
-
-    /// The places for clients on the main and the Modbus/TCP port. Call it once.
-    pub fn places(&self, main: u16, modbus: u16) -> [Place; limits::SLOTS] {
-        places(self.stack, Ports { main, modbus })
+        Self { buses: executor::start(), lines: Lines::new(), leds: Leds, mac, moving, network }
     }
 }
 
+/// Temperature of the chip in degrees Celsius, where it has a sensor.
+pub fn temperature() -> Option<i16> {
+    None
+}
+
 #[embassy_executor::task]
-async fn network(mut runner: Runner<'static, Lan9118>) -> ! {
+async fn network_task(mut runner: Runner<'static, Lan9118>) -> ! {
     runner.run().await
 }

@@ -8,6 +8,8 @@ pub(super) const TIMER0: Registers = Registers(0x4000_0000);
 pub(super) const DUALTIMER: Registers = Registers(0x4000_2000);
 pub(super) const UART1: Registers = Registers(0x4000_5000);
 pub(super) const UART2: Registers = Registers(0x4000_6000);
+pub(super) const WATCHDOG: Registers = Registers(0x4000_8000);
+pub(super) const SCC: Registers = Registers(0x4002_F000);
 pub(super) const ETHERNET: Registers = Registers(0xA000_0000);
 
 impl Registers {

@@ -6,12 +6,17 @@ use embassy_stm32::interrupt;
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use static_cell::StaticCell;
 
+use crate::port::embedded::{started, vital};
+
 static BUSES: InterruptExecutor = InterruptExecutor::new();
 
 /// Runs the tasks that `start` spawns, and those that they spawn, for ever. Call it once, from `main`.
 pub fn run(start: impl FnOnce(Spawner)) -> ! {
     static CLIENTS: StaticCell<Executor> = StaticCell::new();
-    CLIENTS.init(Executor::new()).run(start)
+    CLIENTS.init(Executor::new()).run(|spawner| {
+        start(spawner);
+        started();
+    })
 }
 
 /// Starts the executor of the bus tasks. The interrupt is SAI1's, which every board has and nothing here uses.
@@ -23,5 +28,5 @@ pub(super) fn start() -> SendSpawner {
 #[embassy_stm32::interrupt]
 unsafe fn SAI1() {
     // SAFETY: this is the executor's interrupt, and only `start` enables it.
-    unsafe { BUSES.on_interrupt() }
+    vital::bus_turn(|| unsafe { BUSES.on_interrupt() });
 }

@@ -1,4 +1,4 @@
-//! An RS-485 line: a USART whose hardware drives the transceiver's driver-enable pin.
+//! An RS-485 line: a USART, and the transceiver's driver-enable pin.
 
 use core::sync::atomic::{AtomicU8, Ordering};
 
@@ -7,14 +7,27 @@ use embassy_stm32::usart::{self, BufferedUart, Config, ConfigError, DataBits, St
 use embedded_io_async::{BufRead, ErrorKind, ErrorType, Read, Write};
 use puente_line::{Parity, Settings};
 
+use super::driver_enable::DriverEnable;
+#[cfg(feature = "test-hooks")]
+use crate::port::embedded::hooks;
+
 /// Longest frame that goes out in one piece: a Modbus ASCII frame has 513 characters.
 pub(super) const TRANSMIT: usize = 520;
 /// Characters received and not yet read.
 pub(super) const RECEIVE: usize = 1024;
 
-/// How long driver-enable leads the first start bit, and how long it outlasts the last stop bit: 1 bit time (16/16).
-/// A MAX3485-class driver needs a few microseconds at most; every Modbus slave waits 3.5 characters.
-const DRIVER_ENABLE_MARGIN: u8 = 16;
+/// Where a USART keeps characters.
+pub(super) struct Buffers {
+    pub sent: &'static mut [u8; TRANSMIT],
+    pub received: &'static mut [u8; RECEIVE],
+}
+
+/// What is wrong with a received character.
+pub(super) struct Spoilt {
+    pub overrun: bool,
+    pub framing: bool,
+    pub parity: bool,
+}
 
 /// Why received characters are not to be trusted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,10 +71,11 @@ impl Errors {
         Self(AtomicU8::new(0))
     }
 
-    /// Keeps what the status register tells of the character that is about to be fetched.
-    pub(super) fn keep(&self, overrun: bool, framing: bool, parity: bool) {
+    pub(super) fn keep(&self, spoilt: Spoilt) {
         let flag = |set, bit| if set { bit } else { 0 };
-        let seen = flag(overrun, Self::OVERRUN) | flag(framing, Self::FRAMING) | flag(parity, Self::PARITY);
+        let seen = flag(spoilt.overrun, Self::OVERRUN)
+            | flag(spoilt.framing, Self::FRAMING)
+            | flag(spoilt.parity, Self::PARITY);
         if seen != 0 {
             self.0.fetch_or(seen, Ordering::Relaxed);
         }
@@ -81,15 +95,21 @@ impl Errors {
 /// An open line.
 pub struct Line {
     uart: BufferedUart<'static>,
+    driver: &'static DriverEnable,
     errors: &'static Errors,
     /// Bits that are data: with 7 data bits and parity the receiver leaves the parity bit above them.
     data: u8,
 }
 
 impl Line {
-    pub(super) fn new(uart: BufferedUart<'static>, errors: &'static Errors, settings: Settings) -> Self {
+    pub(super) fn new(
+        uart: BufferedUart<'static>,
+        driver: &'static DriverEnable,
+        errors: &'static Errors,
+        settings: Settings,
+    ) -> Self {
         let data = if settings.format.data_bits == 7 { 0x7F } else { 0xFF };
-        Self { uart, errors, data }
+        Self { uart, driver, errors, data }
     }
 }
 
@@ -115,8 +135,6 @@ pub(super) fn config(settings: Settings) -> Result<Config, ConfigError> {
     config.eager_reads = Some(1);
     // A transceiver lets go of RO while it transmits where /RE is tied to DE.
     config.rx_pull = Pull::Up;
-    config.de_assertion_time = DRIVER_ENABLE_MARGIN;
-    config.de_deassertion_time = DRIVER_ENABLE_MARGIN;
     Ok(config)
 }
 
@@ -127,6 +145,8 @@ impl ErrorType for Line {
 impl Read for Line {
     /// Waits for characters. An error comes before the characters that it spoilt, which the next call returns.
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Error> {
+        #[cfg(feature = "test-hooks")]
+        hooks::reading();
         // Not consumed until copied, so that nothing is lost where this future is dropped or an error goes first.
         let received = self.uart.fill_buf().await.map_err(|_| Error::Overrun)?;
         if let Some(error) = self.errors.take() {
@@ -149,9 +169,14 @@ impl Write for Line {
         if characters.is_empty() {
             return Ok(0);
         }
+        #[cfg(feature = "test-hooks")]
+        hooks::writing().await;
         self.flush().await?;
         let piece = characters.get(..TRANSMIT).unwrap_or(characters);
-        Write::write(&mut self.uart, piece).await.map_err(|_| Error::Overrun)
+        let raised = self.driver.raise().await;
+        let length = Write::write(&mut self.uart, piece).await.map_err(|_| Error::Overrun)?;
+        raised.sent();
+        Ok(length)
     }
 
     /// Waits until the last stop bit is on the line.
@@ -169,29 +194,38 @@ macro_rules! rs485 {
             use embassy_stm32::interrupt::typelevel::{self, Handler};
             use embassy_stm32::interrupt::{InterruptExt, Priority};
             use embassy_stm32::peripherals::{$de, $rx, $tx, $usart};
-            use embassy_stm32::usart::{BufferedInterruptHandler, BufferedUart, ConfigError};
+            use embassy_stm32::usart::{BufferedInterruptHandler, ConfigError};
             use embassy_stm32::{Peri, bind_interrupts, interrupt, pac};
             use puente_line::Settings;
             use static_cell::ConstStaticCell;
 
-            use super::{Errors, Line, RECEIVE, TRANSMIT, config};
+            use super::{Buffers, DriverEnable, Errors, Line, RECEIVE, TRANSMIT, config};
 
             static ERRORS: Errors = Errors::new();
+            static DRIVER: DriverEnable = DriverEnable::new();
             static SENT: ConstStaticCell<[u8; TRANSMIT]> = ConstStaticCell::new([0; TRANSMIT]);
             static RECEIVED: ConstStaticCell<[u8; RECEIVE]> = ConstStaticCell::new([0; RECEIVE]);
 
             /// Runs before embassy's handler, which clears the flags.
-            struct KeepErrors;
+            struct Before;
 
-            impl Handler<typelevel::$usart> for KeepErrors {
+            impl Handler<typelevel::$usart> for Before {
                 unsafe fn on_interrupt() {
-                    let status = pac::$usart.isr().read();
-                    ERRORS.keep(status.ore(), status.fe(), status.pe());
+                    ERRORS.keep(DRIVER.before(pac::$usart));
+                }
+            }
+
+            /// Runs after it.
+            struct After;
+
+            impl Handler<typelevel::$usart> for After {
+                unsafe fn on_interrupt() {
+                    DRIVER.after(pac::$usart);
                 }
             }
 
             bind_interrupts!(struct Interrupts {
-                $usart => KeepErrors, BufferedInterruptHandler<$usart>;
+                $usart => Before, BufferedInterruptHandler<$usart>, After;
             });
 
             /// The USART and its pins.
@@ -205,13 +239,13 @@ macro_rules! rs485 {
             impl Parts {
                 /// Opens the line. Refuses a baud rate or format that the USART cannot do.
                 pub fn open(self, settings: Settings) -> Result<Line, ConfigError> {
-                    // Above everything: the F7 has room for one character only.
+                    // Above everything: F4 and F7 have room for one character only.
                     interrupt::$usart.set_priority(Priority::P0);
-                    let uart = BufferedUart::new_with_de(
-                        self.usart, self.rx, self.tx, self.de, Interrupts, SENT.take(), RECEIVED.take(),
-                        config(settings)?,
-                    )?;
-                    Ok(Line::new(uart, &ERRORS, settings))
+                    let buffers = Buffers { sent: SENT.take(), received: RECEIVED.take() };
+                    let config = config(settings)?;
+                    let uart =
+                        DRIVER.open(self.usart, (self.rx, self.tx, self.de), Interrupts, buffers, config)?;
+                    Ok(Line::new(uart, &DRIVER, &ERRORS, settings))
                 }
             }
         }

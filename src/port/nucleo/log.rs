@@ -1,34 +1,37 @@
-//! The application's log, over RTT: `probe-rs run` shows it.
+//! The log, over RTT: `probe-rs run` shows it.
+
+use core::fmt;
 
 use defmt_rtt as _;
-use log::{Level, LevelFilter, Log, Metadata, Record};
+use log::{Level, LevelFilter, Metadata, Record};
 
-struct Rtt;
-
-impl Log for Rtt {
-    fn enabled(&self, _: &Metadata<'_>) -> bool {
-        true
-    }
-
-    fn log(&self, record: &Record<'_>) {
-        let text = defmt::Display2Format(record.args());
-        match record.level() {
-            Level::Error => defmt::error!("{}", text),
-            Level::Warn => defmt::warn!("{}", text),
-            Level::Info => defmt::info!("{}", text),
-            Level::Debug => defmt::debug!("{}", text),
-            Level::Trace => defmt::trace!("{}", text),
-        }
-    }
-
-    fn flush(&self) {}
-}
+use crate::port::journal;
 
 pub(super) fn start() {
-    // Refused only where there is a logger already.
-    if log::set_logger(&Rtt).is_ok() {
-        log::set_max_level(LevelFilter::Info);
+    journal::start(LevelFilter::Info);
+}
+
+/// Whether such a line is shown.
+pub(in crate::port) fn logs(_: &Metadata<'_>) -> bool {
+    true
+}
+
+/// Shows a line; the debugger adds the time.
+pub(in crate::port) fn log(record: &Record<'_>, _: &str) {
+    let text = defmt::Display2Format(record.args());
+    match record.level() {
+        Level::Error => defmt::error!("{}", text),
+        Level::Warn => defmt::warn!("{}", text),
+        Level::Info => defmt::info!("{}", text),
+        Level::Debug => defmt::debug!("{}", text),
+        Level::Trace => defmt::trace!("{}", text),
     }
+}
+
+/// Shows why the firmware has failed. A debugger needs a moment to fetch the last line before the memory is written anew.
+pub(in crate::port) fn last_words(text: fmt::Arguments<'_>) {
+    defmt::error!("{}", defmt::Display2Format(&text));
+    cortex_m::asm::delay(40_000_000);
 }
 
 defmt::timestamp!("{=u64:us}", embassy_time::Instant::now().as_micros());

@@ -3,14 +3,22 @@
 //! Interrupt priorities, the most urgent first: USARTs and the clock (0), bus tasks (6), Ethernet (8), then everything
 //! else in thread mode.
 
+mod calibration;
+mod can;
 mod executor;
-mod fault;
+mod leds;
 mod line;
 mod lines;
 mod log;
 mod mac;
 mod net;
+mod reset;
+mod temperature;
+mod watchdog;
 
+#[cfg(feature = "nucleo-f429zi")]
+#[path = "f429zi.rs"]
+mod board;
 #[cfg(feature = "nucleo-f767zi")]
 #[path = "f767zi.rs"]
 mod board;
@@ -18,16 +26,27 @@ mod board;
 #[path = "h753zi.rs"]
 mod board;
 
+#[cfg(feature = "nucleo-f429zi")]
+#[path = "driver_enable_pin.rs"]
+mod driver_enable;
+#[cfg(not(feature = "nucleo-f429zi"))]
+#[path = "driver_enable_usart.rs"]
+mod driver_enable;
+
 use embassy_executor::{SendSpawner, Spawner};
-use embassy_net::Stack;
+use embassy_stm32::gpio::AnyPin;
 use embassy_stm32::rng::Rng;
-use embassy_stm32::uid;
+use embassy_stm32::{Peri, uid};
 
 pub use executor::run;
+pub use leds::Leds;
 pub use line::{Error as LineError, Line};
 pub use lines::{BadPort, Lines};
+pub(super) use log::{last_words, log, logs};
+pub use temperature::temperature;
+pub use watchdog::Watchdog;
 
-use crate::port::embedded::{Address, Place, Ports, limits, places};
+use crate::port::embedded::{Network, vital};
 
 /// What the board offers to the application.
 pub struct Board {
@@ -35,25 +54,33 @@ pub struct Board {
     pub buses: SendSpawner,
     /// The RS-485 lines.
     pub lines: Lines,
+    /// Its LEDs.
+    pub leds: Leds,
     /// The board's MAC address.
     pub mac: [u8; 6],
-    stack: Stack<'static>,
+    /// The axes that may have moved when the board was reset, a bit each.
+    pub moving: u32,
+    /// The connection to the network.
+    pub network: Network,
+}
+
+/// What is not in the same place on every board.
+struct Own {
+    ld2: Peri<'static, AnyPin>,
+    adc: Peri<'static, board::TemperatureAdc>,
 }
 
 impl Board {
-    /// 192.168.1.111/24, the address of the thesis' gateway.
-    pub const ADDRESS: Address = Address { ip: [192, 168, 1, 111], prefix: 24, gateway: None };
-
     /// Starts clocks, network and executors. Call it once, first of all.
     #[inline(never)]
-    pub fn start(spawner: Spawner, address: Address) -> Self {
+    pub fn start(spawner: Spawner) -> Self {
+        let moving = vital::begin(Some(reset::cause()));
         log::start();
         let p = embassy_stm32::init(board::config());
-        board::enable_ethernet_memory();
         if let Some(mut core) = cortex_m::Peripherals::take() {
-            // Flash has wait states. The data cache stays off: see net.rs.
-            core.SCB.enable_icache();
+            board::prepare(&mut core);
         }
+        let own = board::own!(p);
         let mut seed = [0; 8];
         Rng::new(p.RNG, board::RandomInterrupt).fill_bytes(&mut seed);
         let mac = mac::from_unique_id(&uid::uid());
@@ -70,19 +97,19 @@ impl Board {
             txd0: p.PG13,
             txd1: p.PB13,
         };
+        let temperature = temperature::watch(own.adc);
+        spawner.spawn(temperature.expect("the temperature is watched once"));
+        can::reserve(p.PD0, p.PD1, p.PB12, p.PB6);
         Self {
             buses: executor::start(),
             lines: Lines {
                 a: Some(line::a::Parts { usart: p.USART2, tx: p.PD5, rx: p.PD6, de: p.PD4 }),
                 b: Some(line::b::Parts { usart: p.UART7, tx: p.PE8, rx: p.PE7, de: p.PE9 }),
             },
+            leds: Leds::new(p.PB0, own.ld2, p.PB14),
             mac,
-            stack: net::start(spawner, ethernet, mac, address, u64::from_le_bytes(seed)),
+            moving,
+            network: net::start(spawner, ethernet, mac, u64::from_le_bytes(seed)),
         }
-    }
-
-    /// The places for clients on the main and the Modbus/TCP port. Call it once.
-    pub fn places(&self, main: u16, modbus: u16) -> [Place; limits::SLOTS] {
-        places(self.stack, Ports { main, modbus })
     }
 }

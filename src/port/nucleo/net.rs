@@ -3,13 +3,13 @@
 use core::mem::MaybeUninit;
 
 use embassy_executor::Spawner;
-use embassy_net::{Runner, Stack};
+use embassy_net::Runner;
 use embassy_stm32::eth::{self, Ethernet, GenericPhy, PacketQueue, Sma};
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::peripherals::{ETH, ETH_SMA, PA1, PA2, PA7, PB13, PC1, PC4, PC5, PG11, PG13};
 use embassy_stm32::{Peri, bind_interrupts, interrupt};
 
-use crate::port::embedded::{Address, stack};
+use crate::port::embedded::{Network, network};
 
 bind_interrupts!(struct Interrupts {
     ETH => eth::InterruptHandler;
@@ -41,13 +41,7 @@ pub(super) struct Parts {
 }
 
 /// Starts the stack. `seed` makes TCP sequence numbers hard to guess.
-pub(super) fn start(
-    spawner: Spawner,
-    parts: Parts,
-    mac: [u8; 6],
-    address: Address,
-    seed: u64,
-) -> Stack<'static> {
+pub(super) fn start(spawner: Spawner, parts: Parts, mac: [u8; 6], seed: u64) -> Network {
     // Below the bus tasks: it only wakes the network task.
     interrupt::ETH.set_priority(Priority::P8);
     let frames: *mut MaybeUninit<Frames> = &raw mut FRAMES;
@@ -74,9 +68,9 @@ pub(super) fn start(
         parts.mdio,
         parts.mdc,
     );
-    let (stack, runner) = stack(device, address, seed);
+    let (network, runner) = network(device, seed);
     spawner.spawn(run(runner).expect("the network task is started once"));
-    stack
+    network
 }
 
 #[embassy_executor::task]

@@ -87,7 +87,7 @@ impl Emulator {
         self.monitor.ask(command).map_err(|error| format!("{QEMU}, {command}: {error}"))
     }
 
-    /// Whether QEMU has ended by itself, as it does when the firmware panics.
+    /// Whether QEMU has ended by itself.
     pub fn ended(&mut self) -> Option<ExitStatus> {
         self.child.try_wait().ok().flatten()
     }

@@ -18,6 +18,8 @@ pub struct Budget {
 pub const BOARDS: &[Board] = &[
     Board { name: "nucleo-h753zi", budget: Some(Budget { flash: 256 * 1024, ram: 160 * 1024 }) },
     Board { name: "nucleo-f767zi", budget: None },
+    // Flash without the sectors of the settings; main RAM, which the stack does not even need there.
+    Board { name: "nucleo-f429zi", budget: Some(Budget { flash: (2048 - 256) * 1024, ram: 192 * 1024 }) },
 ];
 
 /// QEMU's, which nobody flashes.

@@ -8,7 +8,7 @@ use std::process::{Child, Command, Stdio};
 use puente_emulator::{Emulator, QEMU, Setup, tie};
 
 use crate::Outcome;
-use crate::board::EMULATED;
+use crate::board::{Board, EMULATED};
 use crate::command::{Options, cargo, install_debian, program, run as run_command, target_dir, works};
 use crate::cross::Cross;
 use crate::firmware;
@@ -28,7 +28,7 @@ pub fn run(arguments: &[String]) -> Outcome {
     };
     let ports = [port("--port", PORTS[0])?, port("--modbus-port", PORTS[1])?];
     options.end()?;
-    let image = image()?;
+    let image = image(firmware::build)?;
     run_command(cargo().args(["build", "--package", "puente-cell", "--bin", "cell", "--quiet"]))?;
     let cell = Cell::start(Command::new(target_dir()?.join("debug/cell")))?;
     let setup = Setup { ports, ..Setup::new(image, cell.line) };
@@ -40,20 +40,20 @@ pub fn run(arguments: &[String]) -> Outcome {
     }
 }
 
-/// The scenarios that the host's gateway passes in `cargo test`, on the emulated board.
+/// The scenarios that the host's gateway passes in `cargo test`, on the emulated board, and those of a board alone.
 pub fn test() -> Outcome {
-    let image = image()?;
+    let image = image(firmware::build_for_tests)?;
     // Each test has a board of its own.
-    let arguments = ["test", "--package", "puente", "--test", "targets", "--quiet", "--", "--test-threads=2"];
-    run_command(cargo().args(arguments).env("PUENTE_IMAGE", image))
+    let arguments = ["test", "--package", "puente", "--test", "targets", "--test", "board", "--quiet"];
+    run_command(cargo().args(arguments).args(["--", "--test-threads=2"]).env("PUENTE_IMAGE", image))
 }
 
 /// Builds the image, and makes sure of QEMU.
-fn image() -> Result<PathBuf, String> {
+fn image(build: fn(&Cross, &Board) -> Result<PathBuf, String>) -> Result<PathBuf, String> {
     if !works(program(QEMU).arg("--version")) {
         install_debian(&[QEMU])?;
     }
-    firmware::build(&Cross::find()?, &EMULATED)
+    build(&Cross::find()?, &EMULATED)
 }
 
 /// The simulated cell on a TCP port; it ends with this value.

@@ -4,6 +4,7 @@ mod bench;
 mod board;
 mod command;
 mod cross;
+mod docs;
 mod emulate;
 mod firmware;
 mod fuzz;
@@ -34,8 +35,8 @@ const COMMANDS: &[Command] = &[
     },
     Command {
         name: "size",
-        usage: "[--board NAME|all] [--top N]",
-        does: "flash and RAM of each board against its budget, and the N largest statics",
+        usage: "[--board NAME|all] [--top N] | --write",
+        does: "flash and RAM of each board against budget and docs/boards.md, and the N largest statics",
         run: size::run,
     },
     Command {

@@ -1,4 +1,4 @@
-//! `cargo xtask size`: flash and RAM of the images against their budgets.
+//! `cargo xtask size`: flash and RAM of the images against their budgets, and against what docs/boards.md says.
 
 use std::fs;
 use std::path::Path;
@@ -10,6 +10,7 @@ use crate::Outcome;
 use crate::board::{self, Board};
 use crate::command::Options;
 use crate::cross::Cross;
+use crate::docs::{Table, figure, row, value};
 use crate::firmware;
 
 /// What an image uses, in bytes.
@@ -23,31 +24,54 @@ struct Size {
     stack: u64,
 }
 
+/// Where the sizes are printed for those who have no compiler.
+const TABLE: Table = Table { file: "docs/boards.md", name: "size" };
+/// By so many percent a size may differ from what is printed: another compiler, or a small change.
+const STALE: u64 = 5;
+
 pub fn run(arguments: &[String]) -> Outcome {
     let mut options = Options::new(arguments);
-    let boards = board::named(options.value("--board")?.unwrap_or("all"))?;
+    let write = options.flag("--write");
+    let board = options.value("--board")?.unwrap_or("all");
+    let boards = board::named(board)?;
     let top =
         options.value("--top")?.map(str::parse).transpose().map_err(|error| format!("--top: {error}"))?;
     options.end()?;
+    if write && board != "all" {
+        return Err("--write takes all boards".into());
+    }
     let cross = Cross::find()?;
-    let mut over = Vec::new();
+    let printed = TABLE.read()?;
+    let mut wrong = Vec::new();
+    let mut table = String::from("| board | flash | statics | stack |\n|---|---|---|---|\n");
     println!("{:<16}{:>9}{:>9}{:>9}{:>9}  (bytes)", "board", "flash", "statics", "stack", "RAM");
     for board in boards {
         let image = read(&firmware::build(&cross, board)?)?;
         let file = object::File::parse(image.as_slice()).map_err(|error| error.to_string())?;
         let size = measure(&file)?;
-        println!(
-            "{:<16}{:>9}{:>9}{:>9}{:>9}",
-            board.name,
-            size.flash,
-            size.statics,
-            size.stack,
-            size.statics + size.stack
-        );
-        over.extend(judge(board, &size));
+        let Size { flash, statics, stack } = size;
+        println!("{:<16}{flash:>9}{statics:>9}{stack:>9}{:>9}", board.name, statics + stack);
+        let [flash, statics, stack] = [flash, statics, stack].map(figure);
+        table += &format!("| {} | {flash} | {statics} | {stack} |\n", board.name);
+        wrong.extend(judge(board, &size));
+        if !write && stale(&printed, board, &size) {
+            wrong.push(format!("{} has other sizes of {}: cargo xtask size --write", TABLE.file, board.name));
+        }
         largest(&file, top.unwrap_or(0));
     }
-    if over.is_empty() { Ok(()) } else { Err(over.join("; ")) }
+    if write {
+        TABLE.write(&table)?;
+    }
+    if wrong.is_empty() { Ok(()) } else { Err(wrong.join("; ")) }
+}
+
+/// Whether the sizes that are printed have little to do with these.
+fn stale(printed: &str, board: &Board, size: &Size) -> bool {
+    let cells = row(printed, board.name).unwrap_or_default();
+    let figures: Vec<_> = cells.into_iter().map(value).collect();
+    let [Some(flash), Some(statics), Some(stack)] = *figures else { return true };
+    let pairs = [(flash, size.flash), (statics, size.statics), (stack, size.stack)];
+    pairs.into_iter().any(|(printed, measured)| printed.abs_diff(measured) * 100 > printed * STALE)
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, String> {
@@ -122,5 +146,17 @@ mod tests {
             judge(&board, &Size { flash: 101, statics: 30, stack: 21 }),
             ["board uses 101 bytes of flash, 100 are allowed", "board uses 51 bytes of RAM, 50 are allowed"]
         );
+    }
+
+    #[test]
+    fn a_table_may_be_a_little_old() {
+        let board = Board { name: "board", budget: None };
+        let stale = |table: &str| stale(table, &board, &Size { flash: 1000, statics: 30, stack: 20 });
+        assert!(!stale("| board | 1,040 | 30 | 20 |\n"));
+        for table in
+            ["| board | 1,060 | 30 | 20 |", "| board | 940 | 30 | 20 |", "| board | 1,000 |", "| other | 1 |"]
+        {
+            assert!(stale(table), "{table}");
+        }
     }
 }

@@ -70,6 +70,9 @@ fn firmware_lints() -> Outcome {
         let mut clippy = firmware::of_board(cross.cargo("clippy"), board);
         run_command(clippy.args(["--lib", "--quiet", "--", "-D", "warnings"]))?;
     }
+    let mut clippy = firmware::of_board(cross.cargo("clippy"), &EMULATED);
+    clippy.args(["--features", firmware::TEST_HOOKS]);
+    run_command(clippy.args(["--lib", "--quiet", "--", "-D", "warnings"]))?;
     Ok(())
 }
 

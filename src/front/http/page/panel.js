@@ -228,6 +228,12 @@ function showBuses(buses) {
   $("buses").replaceChildren(...rows);
 }
 
+function showSystem({ version, commit, uptime_ms, reset }) {
+  const up = uptime_ms < 7_200_000 ? age(uptime_ms) : `${Math.round(uptime_ms / 3_600_000)} h`;
+  const after = reset && reset !== "power-on" ? `, started after ${reset}` : "";
+  $("system").textContent = `puente ${version} (${commit}), up ${up}${after}`;
+}
+
 function banner(id, text) {
   if ($(id).textContent !== text) $(id).textContent = text;
   $(id).hidden = !text;
@@ -260,6 +266,7 @@ async function watch() {
     if (polling.signal.aborted) polling = new AbortController();
     try {
       await read();
+      if (round % 40 === 0) showSystem(await ask("api/system", { signal: polling.signal }));
       if (round % 4 === 0) showBuses(await ask("api/buses", { signal: polling.signal }));
       since = "";
       banner("lost", "");

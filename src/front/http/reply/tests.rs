@@ -159,3 +159,31 @@ fn a_sheet_goes_back_when_its_reply_is_dropped() {
     let mut reply = Reply::new(&mut client, sheets(), LATEST);
     block_on(reply.value(&1)).expect("sent");
 }
+
+#[test]
+fn lines_that_are_taken_come_whole_in_any_manner() {
+    let lines: Vec<_> = (0..500).map(|number| format!("line {number}\n")).collect();
+    for chunks in [true, false] {
+        let mut left = &lines[..];
+        let manner = Manner { chunks, ..LATEST };
+        let (head, body) = got(manner, async |reply| {
+            while !left.is_empty() {
+                let take = |room: &mut [u8]| {
+                    let mut filled = 0;
+                    while let Some((line, rest)) = left.split_first()
+                        && let Some(place) = room.get_mut(filled..filled + line.len())
+                    {
+                        place.copy_from_slice(line.as_bytes());
+                        filled += line.len();
+                        left = rest;
+                    }
+                    filled
+                };
+                reply.take(take).await.expect("sent");
+            }
+            reply.finish().await.expect("sent");
+        });
+        let body = if chunks { unchunk(&body) } else { body };
+        assert!(body == lines.concat(), "{head}");
+    }
+}
