@@ -16,7 +16,8 @@ pub enum Command {
     Enable,
     /// Takes the amplifier's current away; acknowledges a fault.
     Disable,
-    /// Holds the axis where it is, and takes no set-point until it is enabled again.
+    /// Holds the axis where it is, and takes no set-point until it is enabled again. An axis in motion goes on for as long
+    /// as the amplifier takes to brake it, and comes back.
     Stop,
 }
 

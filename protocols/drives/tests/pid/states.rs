@@ -36,6 +36,7 @@ fn the_axis_does_not_jump_when_enabled() {
     rig.command(gains(0.001, 10.0, 0.0)).expect("gains");
     assert!(rig.steps(50, 600).command > 0.6, "the integral builds up");
     rig.command(Command::Disable).expect("disable");
+    assert_eq!((rig.state(), rig.status().command), (State::Disabled, 0.0));
     assert_eq!(rig.step(), Output { command: 0.0, enable: false, event: None });
     // Pushed by hand meanwhile.
     for position in (100..20_000).step_by(100) {
