@@ -1,3 +1,5 @@
+//! Host alone: no gateway runs.
+//!
 //! Who may know whom: data flows one way, and the protocols know nothing but their protocol.
 
 use std::fs;

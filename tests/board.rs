@@ -8,9 +8,9 @@ use std::net::{SocketAddr, TcpStream};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use common::client::{Lines, figure, value};
+use common::client::{Lines, Modbus, figure, read_pdu, value};
 use common::rig::Rig;
-use common::{ms, until};
+use common::{Gateway, ms, until};
 use serde_json::Value;
 
 /// The body of a reply, which HTTP/1.0 has in no chunks; none where the board does not answer.
@@ -66,7 +66,7 @@ fn stopped_by_the_new_start(rig: &Rig, after: &str, late: Duration) {
 
 #[test]
 fn a_panic_is_recorded_and_its_axis_stopped() {
-    let mut rig = Rig::on_target();
+    let mut rig = Rig::on_board(|_| {});
     assert_eq!(system(&rig, 0)["reset"], "power-on");
     let late = fails(&mut rig, "debug panic");
     let system = system(&rig, 1);
@@ -89,7 +89,7 @@ fn a_panic_is_recorded_and_its_axis_stopped() {
 
 #[test]
 fn a_fault_is_recorded_and_its_axis_stopped() {
-    let mut rig = Rig::on_target();
+    let mut rig = Rig::on_board(|_| {});
     let late = fails(&mut rig, "debug fault");
     let system = system(&rig, 1);
     assert_eq!(
@@ -114,17 +114,17 @@ fn hung(rig: &Rig) -> String {
 /// The buses go on while the front hangs: the lease ends as always, long before the watchdog comes.
 #[test]
 fn a_front_that_hangs_is_found_and_the_lease_stops_its_axis() {
-    let mut rig = Rig::on_target();
+    let mut rig = Rig::on_board(|_| {});
     let late = fails(&mut rig, "debug hang front");
     println!("hang of the front: the stop was on the wire after {late:?}");
     assert!(!rig.gateway.log().contains("started after"), "the stop came before the reset");
-    assert_eq!(hung(&rig), "the network's tasks held the processor");
+    assert_eq!(hung(&rig), "the network's tasks or an interrupt held the processor");
     assert_eq!(rig.event(), "none", "nothing had to be stopped again");
 }
 
 #[test]
 fn a_bus_that_keeps_the_processor_is_found_and_its_axis_stopped() {
-    let mut rig = Rig::on_target();
+    let mut rig = Rig::on_board(|_| {});
     let late = fails(&mut rig, "debug hang bus");
     assert!(!rig.gateway.log().contains("lease-expired"), "the new start stops it");
     assert_eq!(hung(&rig), "the bus tasks held the processor");
@@ -133,16 +133,15 @@ fn a_bus_that_keeps_the_processor_is_found_and_its_axis_stopped() {
 
 #[test]
 fn a_bus_that_waits_for_ever_is_found_and_its_axis_stopped() {
-    let mut rig = Rig::on_target();
+    let mut rig = Rig::on_board(|_| {});
     let late = fails(&mut rig, "debug stall bus");
-    assert!(!rig.gateway.log().contains("lease-expired"), "the new start stops it");
     assert_eq!(hung(&rig), "bus a makes no progress");
     stopped_by_the_new_start(&rig, "stall of the bus", late);
 }
 
 #[test]
 fn a_restart_on_purpose_stops_what_moves() {
-    let rig = Rig::on_target();
+    let rig = Rig::on_board(|_| {});
     let (commander, _) = rig.jogging();
     let mut stream = commander.stream();
     stream.write_all(b"debug restart\r\n").expect("sent");
@@ -154,7 +153,7 @@ fn a_restart_on_purpose_stops_what_moves() {
 
 #[test]
 fn resets_are_counted_and_the_last_panic_stays() {
-    let mut rig = Rig::on_target();
+    let mut rig = Rig::on_board(|_| {});
     rig.gateway.will_fail();
     let mut client = Lines::connect(rig.gateway.main);
     client.ok("axis y enable");
@@ -179,7 +178,7 @@ fn resets_are_counted_and_the_last_panic_stays() {
 
 #[test]
 fn the_board_tells_of_itself() {
-    let rig = Rig::on_target();
+    let rig = Rig::on_board(|_| {});
     let system = system(&rig, 0);
     assert_eq!((&system["board"], &system["reset"]), (&Value::from("mps2-an500"), &Value::from("power-on")));
     for (key, least, most) in [("requests", 20, 24), ("replies", 0, 4), ("places", 10, 18)] {
@@ -195,7 +194,7 @@ fn the_board_tells_of_itself() {
 
 #[test]
 fn the_log_is_served_in_whole_lines() {
-    let rig = Rig::on_target();
+    let rig = Rig::on_board(|_| {});
     for _ in 0..60 {
         Lines::connect(rig.gateway.main).ok("feed");
         thread::sleep(ms(2));
@@ -212,4 +211,45 @@ fn the_log_is_served_in_whole_lines() {
     let first = shown.lines().position(|line| line == kept[0]).expect("the same line");
     assert!(shown.lines().skip(first).zip(&kept).all(|(shown, kept)| shown == *kept), "{log}");
     assert!(log.ends_with('\n') && log.contains(" connected\n"));
+}
+
+/// The lamps of the emulated board, as its register has them: link, bus, fault.
+fn lamps(gateway: &mut Gateway) -> [bool; 3] {
+    let answer = gateway.monitor("xp /1xw 0x4002f004");
+    let (_, word) = answer.trim_end().rsplit_once("0x").expect("a word");
+    let leds = u32::from_str_radix(word, 16).expect("a number");
+    [leds & 1 != 0, leds & 2 != 0, leds & 4 != 0]
+}
+
+#[test]
+fn the_lamps_show_its_link_its_bus_and_a_missing_slave() {
+    let mut rig = Rig::on_board(|_| {});
+    let gateway = &mut rig.gateway;
+    until("the link lamp is on, alone", || lamps(gateway) == [true, false, false]);
+    let mut client = Modbus::connect(gateway.main);
+    until("the bus lamp shows a transaction", || {
+        client.ask(1, &read_pdu(0x0901, 1));
+        lamps(gateway) == [true, true, false]
+    });
+    until("the bus lamp goes out", || lamps(gateway) == [true, false, false]);
+    client.ask(9, &read_pdu(0x0901, 1));
+    for on in [true, false, true] {
+        until("the fault lamp blinks for a slave that is not there", || lamps(gateway)[2] == on);
+    }
+    gateway.monitor("set_link lan9118.0 off");
+    until("the link lamp goes out", || !lamps(gateway)[0]);
+    gateway.monitor("set_link lan9118.0 on");
+    until("the link lamp is on again", || lamps(gateway)[0]);
+}
+
+#[test]
+fn the_fault_lamp_stays_on_after_a_panic() {
+    let mut rig = Rig::on_board(|_| {});
+    fails(&mut rig, "debug panic");
+    until("the fault lamp is on", || lamps(&mut rig.gateway)[2]);
+    // Longer than it would be on if it blinked.
+    for _ in 0..20 {
+        thread::sleep(ms(50));
+        assert!(lamps(&mut rig.gateway)[2]);
+    }
 }

@@ -7,9 +7,9 @@ use std::net::{SocketAddr, TcpStream};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use common::client::{Lines, Modbus, connect, rest, send_and_close};
+use common::client::{Lines, Modbus, connect, mbap, read_pdu, rest, visit, write_pdu};
 use common::rig::{FORWARD, Rig};
-use common::{Gateway, bus, fast, ms, until};
+use common::{Document, fast, ms, until, wire};
 use puente_modbus::Mode;
 
 const CLIENTS: usize = 16;
@@ -17,46 +17,60 @@ const CLIENTS: usize = 16;
 /// As many consoles as may be served at once, the first of them jogging x.
 fn full_house(rig: &Rig) -> (Lines, Vec<Lines>) {
     let (commander, _) = rig.jogging();
-    let others: Vec<Lines> = (1..CLIENTS).map(|_| Lines::connect(rig.gateway.main)).collect();
-    (commander, others)
+    let other = |_| {
+        let mut client = Lines::connect(rig.gateway.main);
+        client.ok("feed");
+        client
+    };
+    (commander, (1..CLIENTS).map(other).collect())
+}
+
+fn say(address: SocketAddr, command: &str) -> String {
+    String::from_utf8(visit(address, format!("{command}\r\n").as_bytes())).expect("text")
+}
+
+/// The HTTP status of a request.
+fn status(address: SocketAddr, request: &str) -> u16 {
+    let head = format!("{request} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n");
+    let reply = String::from_utf8_lossy(&visit(address, head.as_bytes())).into_owned();
+    let code = reply.split(' ').nth(1).and_then(|code| code.parse().ok());
+    code.unwrap_or_else(|| panic!("no HTTP: {reply}"))
 }
 
 #[test]
 fn sixteen_clients_are_served_and_the_seventeenth_may_stop_and_no_more() {
     let rig = Rig::new(Mode::Ascii, 5000);
     let (mut commander, mut others) = full_house(&rig);
-    for client in &mut others {
-        client.ok("feed");
-    }
-    let seventeenth = || Lines::connect(rig.gateway.main);
+    let seventeenth = |command| say(rig.gateway.main, command);
     for command in ["axis x status", "feed", "axis x jog 10", "axis y enable", "help", "bus a scan 1-3"] {
-        seventeenth().error(command, "full");
+        assert!(seventeenth(command).starts_with("error full "), "{command}");
     }
     for port in [rig.gateway.main, rig.gateway.modbus] {
-        let mut modbus = Modbus::connect(port);
-        assert_eq!(modbus.read(1, FORWARD, 1), Err(6));
-        assert_eq!(modbus.write(2, FORWARD, 1), Err(6));
+        assert_eq!(visit(port, &mbap(1, 1, &read_pdu(FORWARD, 1))), mbap(1, 1, &[0x83, 6]));
+        assert_eq!(visit(port, &mbap(2, 2, &write_pdu(FORWARD, 1))), mbap(2, 2, &[0x86, 6]));
+        commander.ok("feed");
     }
     assert_eq!(status(rig.gateway.main, "GET /api/axes"), 503);
     assert!(rig.turns());
 
-    seventeenth().ok("axis x stop");
+    assert!(seventeenth("axis x stop").starts_with("ok "));
     until("x stands", || !rig.turns());
     assert!(others.iter_mut().all(|client| client.ask("feed") == "ok"), "nobody was put out for it");
 
     // A place becomes free, and the next one is served in full.
     drop(others.pop());
-    until("a place is free", || Lines::connect(rig.gateway.main).ask("feed") == "ok");
+    until("a place is free", || seventeenth("feed") == "ok\r\n");
     commander.ok("feed");
 }
 
 #[test]
 fn the_seventeenth_may_stop_in_every_dialect() {
-    let stops: [fn(SocketAddr, SocketAddr); 4] = [
-        |main, _| drop(Lines::connect(main).ok("axis x disable")),
-        |main, _| assert_eq!(Lines::connect(main).ask(":010610240000C5"), ":010610240000C5"),
-        |_, modbus| assert_eq!(Modbus::connect(modbus).write(1, FORWARD, 0), Ok(())),
-        |main, _| assert_eq!(status(main, "POST /api/axes/x/stop"), 200),
+    let off = write_pdu(FORWARD, 0);
+    let stops: [&dyn Fn(SocketAddr, SocketAddr); 4] = [
+        &|main, _| assert!(say(main, "axis x disable").starts_with("ok ")),
+        &|main, _| assert_eq!(say(main, ":010610240000C5"), ":010610240000C5\r\n"),
+        &|_, modbus| assert_eq!(visit(modbus, &mbap(1, 1, &off)), mbap(1, 1, &off)),
+        &|main, _| assert_eq!(status(main, "POST /api/axes/x/stop"), 200),
     ];
     for stop in stops {
         let rig = Rig::new(Mode::Rtu, 5000);
@@ -75,7 +89,7 @@ fn a_crowd_at_the_door_does_not_keep_a_stop_out_for_long() {
     let crowd: Vec<TcpStream> = (0..6).map(|_| connect(rig.gateway.main)).collect();
     let start = Instant::now();
     thread::scope(|scope| {
-        let stopper = scope.spawn(|| Lines::connect(rig.gateway.main).ok("axis x stop"));
+        let stopper = scope.spawn(|| assert!(say(rig.gateway.main, "axis x stop").starts_with("ok ")));
         while !stopper.is_finished() {
             commander.ok("feed");
             thread::sleep(ms(100));
@@ -90,8 +104,8 @@ fn a_crowd_at_the_door_does_not_keep_a_stop_out_for_long() {
 
 #[test]
 fn who_says_nothing_is_let_go_and_who_speaks_stays() {
-    let settings = String::from("[net]\nidle_s = 5\n") + &bus("a", Mode::Rtu, fast(), "sim", "");
-    let gateway = Gateway::start(&settings);
+    let wire = wire::cell(Mode::Rtu, fast(), &[1]);
+    let gateway = Document::new().net("idle_s = 5").bus("a", Mode::Rtu, fast(), &wire, "").start();
     let silent = |port, first: &'static [u8]| {
         move || {
             let mut stream = connect(port);
@@ -129,13 +143,4 @@ fn who_says_nothing_is_let_go_and_who_speaks_stays() {
         }
         talker.join().expect("served all the time");
     });
-}
-
-/// The HTTP status of a request.
-fn status(address: SocketAddr, request: &str) -> u16 {
-    let head = format!("{request} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n");
-    let reply = send_and_close(address, head.as_bytes());
-    let reply = String::from_utf8_lossy(&reply).into_owned();
-    let code = reply.split(' ').nth(1).and_then(|code| code.parse().ok());
-    code.unwrap_or_else(|| panic!("no HTTP: {reply}"))
 }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use common::client::Modbus;
 use common::wire::{Wire, cell};
-use common::{Ends, Gateway, bus, fast, ms};
+use common::{Document, Ends, Gateway, fast, ms};
 use puente_cell::{Cell, Fault};
 use puente_modbus::Mode;
 
@@ -52,7 +52,7 @@ fn four_clients_of_a_healthy_unit_keep_most_of_their_throughput_on_an_ascii_line
 
 fn four_clients_keep_most_of_their_throughput(mode: Mode) {
     let wire = cell(mode, fast(), &[HEALTHY, LATELY_SILENT]);
-    let gateway = Gateway::start(&bus("a", mode, fast(), &wire.port(), "reply_timeout_ms = 200"));
+    let gateway = Document::new().bus("a", mode, fast(), &wire, "reply_timeout_ms = 200").start();
     assert!(Modbus::connect(gateway.main).read(LATELY_SILENT, 0x0901, 1).is_ok());
     let count = AtomicU32::new(0);
     let running = AtomicBool::new(true);

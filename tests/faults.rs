@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use common::client::Modbus;
 use common::wire::{Chunk, Script, Wire, frame, healthy, script, values};
-use common::{Gateway, MODES, bus, fast, ms, thesis, until};
+use common::{Document, Gateway, MODES, fast, ms, thesis, until};
 use puente_modbus::Mode;
 
 /// The unit whose answers go wrong, and one whose answers do not.
@@ -40,7 +40,7 @@ impl Rig {
             }
         });
         let more = format!("reply_timeout_ms = {}\n{more}", REPLY_TIMEOUT.as_millis());
-        let gateway = Gateway::start(&bus("a", mode, fast(), &wire.port(), &more));
+        let gateway = Document::new().bus("a", mode, fast(), &wire, &more).start();
         let client = Modbus::connect(gateway.modbus);
         let mut rig = Self { wire, gateway, client };
         rig.all_is_well();
@@ -227,7 +227,7 @@ fn an_echoing_line_is_served_with_strip_and_with_verify() {
         for setting in ["echo = \"strip\"", "echo = \"verify\""] {
             let wire = echoing_line(mode, |request| request);
             let more = format!("reply_timeout_ms = 500\n{setting}");
-            let gateway = Gateway::start(&bus("a", mode, fast(), &wire.port(), &more));
+            let gateway = Document::new().bus("a", mode, fast(), &wire, &more).start();
             let mut client = Modbus::connect(gateway.main);
             for address in [1, 2, 3] {
                 assert_eq!(client.read(FAULTY, address, 2), Ok(values(FAULTY, address, 2)), "{setting}");
@@ -250,7 +250,7 @@ fn an_echo_that_differs_or_is_missing_is_an_error() {
         for (echo, setting) in [(differs, "verify"), (|_| Vec::new(), "verify"), (|_| Vec::new(), "strip")] {
             let wire = echoing_line(mode, echo);
             let more = format!("reply_timeout_ms = 500\necho = \"{setting}\"");
-            let gateway = Gateway::start(&bus("a", mode, fast(), &wire.port(), &more));
+            let gateway = Document::new().bus("a", mode, fast(), &wire, &more).start();
             let mut client = Modbus::connect(gateway.main);
             assert_eq!(client.read(FAULTY, 1, 2), NO_REPLY, "{mode:?} {setting}");
         }
@@ -302,7 +302,7 @@ fn an_exception_is_forwarded_at_once() {
         let wire = script(mode, fast(), move |unit, request| {
             vec![(ms(3), frame(mode, unit, &[request[0] | 0x80, 2]))]
         });
-        let gateway = Gateway::start(&bus("a", mode, fast(), &wire.port(), "reply_timeout_ms = 2000"));
+        let gateway = Document::new().bus("a", mode, fast(), &wire, "reply_timeout_ms = 2000").start();
         let mut client = Modbus::connect(gateway.main);
         let mut delays: Vec<Duration> = (0..50)
             .map(|address| {
@@ -321,13 +321,16 @@ fn an_exception_is_forwarded_at_once() {
 
 #[test]
 fn a_line_that_is_never_silent_stalls_nobody_for_ever() {
+    let character = thesis().wire_time(1);
     for mode in MODES {
         let wire = script(mode, thesis(), move |unit, request| match unit {
-            // Noise without a pause for 3 s.
-            FAULTY => (0..6000).map(|at| (Duration::from_micros(500 * at), vec![0xFF])).collect(),
+            // Noise without a pause for 3 s, as much as the line carries.
+            FAULTY => (0..ms(3000).as_micros() / character.as_micros())
+                .map(|at| (character * at as u32, vec![0xFF]))
+                .collect(),
             _ => vec![(Duration::ZERO, frame(mode, unit, &healthy(unit, request)))],
         });
-        let gateway = Gateway::start(&bus("a", mode, thesis(), &wire.port(), "reply_timeout_ms = 100"));
+        let gateway = Document::new().bus("a", mode, thesis(), &wire, "reply_timeout_ms = 300").start();
         let mut client = Modbus::connect(gateway.main);
         assert_eq!(client.read(FAULTY, 1, 1), NO_REPLY);
         assert_eq!(client.read(HEALTHY, 1, 1), Ok(values(HEALTHY, 1, 1)), "{mode:?}");

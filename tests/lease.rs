@@ -9,16 +9,12 @@ use std::time::{Duration, Instant};
 
 use common::client::{Lines, connect, reset};
 use common::rig::{Flood, Rig};
-use common::{MODES, ms, until};
+use common::{MODES, ms, target, until};
 use puente_modbus::Mode;
-
-/// Frames that may come between the loss of the commander and the stop: the one in progress, and the one that began
-/// while the gateway learnt of the loss.
-const BEFORE_STOP: usize = 2;
 
 fn report(what: &str, mode: Mode, (before, late): (usize, Duration)) {
     println!("{what}, {mode:?}: stop on the wire after {late:?}, {before} frames before it");
-    assert!(before <= BEFORE_STOP, "{what}, {mode:?}: {before} frames went before the stop");
+    assert!(before <= target().frames_before_stop, "{what}, {mode:?}: {before} frames went before the stop");
 }
 
 /// The commander is a process of its own, which renews its lease of 5 s all the time: only its end can be why the axis
@@ -107,14 +103,4 @@ fn any_word_of_the_commander_renews_its_lease() {
         assert!(rig.turns());
     }
     assert_eq!(rig.event(), "none");
-}
-
-/// The commander goes on feeding its lease: only the end of the gateway can be why the axis stops.
-#[test]
-fn ending_the_gateway_stops_the_axes_first() {
-    let mut rig = Rig::new(Mode::Ascii, 5000);
-    let (_commander, _) = rig.jogging();
-    let ended = rig.gateway.terminate();
-    assert!(ended.success(), "{ended}: {}", rig.gateway.log());
-    assert!(!rig.turns());
 }

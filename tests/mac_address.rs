@@ -1,3 +1,5 @@
+//! Host alone: no gateway runs.
+//!
 //! The MAC address that a board makes from its chip's unique id.
 
 #[path = "../src/port/nucleo/mac.rs"]

@@ -10,7 +10,7 @@ use common::client::{
     Lines, Modbus, Poller, closes_within, connect, mbap, read_pdu, rest, send_and_close, write_pdu,
 };
 use common::wire::{Wire, cell};
-use common::{Gateway, axis, bus, fast, ms};
+use common::{Document, Gateway, fast, ms, target};
 use puente_cell::Cell;
 use puente_modbus::{Mode, ascii};
 
@@ -32,8 +32,8 @@ impl Rig {
         for unit in 1..=3 {
             wire.device().drive_mut(unit).expect("a drive").force(STATUS, VALUE);
         }
-        let more = "units = \"1-3\"";
-        let gateway = Gateway::start(&(bus("a", Mode::Rtu, fast(), &wire.port(), more) + &axis("x", 1)));
+        let document = Document::new().bus("a", Mode::Rtu, fast(), &wire, "units = \"1-3\"");
+        let gateway = document.axis("x", "a", 1, "").start();
         let poller = Some(Poller::start(gateway.main, POLLED, STATUS, VALUE));
         Self { wire, gateway, poller }
     }
@@ -227,8 +227,9 @@ fn a_line_of_10_kb_has_one_error_and_the_next_one_is_served() {
 #[test]
 fn a_client_that_closes_its_side_gets_all_its_replies() {
     let rig = Rig::new();
-    let frames = (1..=10).flat_map(good).collect::<Vec<u8>>();
-    let replies = (1..=10).flat_map(good_reply).collect::<Vec<u8>>();
+    let pipeline = target().pipeline as u16;
+    let frames = (1..=pipeline).flat_map(good).collect::<Vec<u8>>();
+    let replies = (1..=pipeline).flat_map(good_reply).collect::<Vec<u8>>();
     for port in rig.ports() {
         assert_eq!(send_and_close(port, &frames), replies);
     }

@@ -1,12 +1,16 @@
+//! Host alone: a board's UART does not vanish with its wire; there a wire that is pulled is a silent one.
+//!
 //! A line that vanishes and comes back: requests fail meanwhile, and heal by themselves.
 
 mod common;
 
+use std::thread;
 use std::time::{Duration, Instant};
 
-use common::client::{Lines, Modbus};
+use common::client::{Lines, Modbus, write_pdu};
+use common::rig::{FORWARD, Rig};
 use common::wire::{Device, Script, Wire, frame, healthy, values};
-use common::{Gateway, MODES, bus, fast, ms, until};
+use common::{Document, MODES, fast, ms, until};
 use puente_modbus::Mode;
 
 fn slaves(mode: Mode) -> Script {
@@ -19,10 +23,10 @@ fn heals<D: Device>(mode: Mode, mut wire: Wire<D>) {
     let other = common::wire::script(mode, fast(), move |unit, request| {
         vec![(Duration::ZERO, frame(mode, unit, &healthy(unit, request)))]
     });
-    let gateway = Gateway::start(
-        &(bus("a", mode, fast(), &wire.port(), "units = \"1-3\"\nreply_timeout_ms = 500")
-            + &bus("b", mode, fast(), &other.port(), "units = \"4-6\"")),
-    );
+    let gateway = Document::new()
+        .bus("a", mode, fast(), &wire, "units = \"1-3\"\nreply_timeout_ms = 500")
+        .bus("b", mode, fast(), &other, "units = \"4-6\"")
+        .start();
     let mut client = Modbus::connect(gateway.main);
     let mut of_other_bus = Modbus::connect(gateway.main);
     for round in 1..=2 {
@@ -61,7 +65,7 @@ fn a_tcp_line_whose_server_restarts() {
 fn a_line_that_is_not_there_yet_when_the_gateway_starts() {
     let mut wire = Wire::tcp(slaves(Mode::Rtu));
     wire.pull();
-    let gateway = Gateway::start(&bus("a", Mode::Rtu, fast(), &wire.port(), ""));
+    let gateway = Document::new().bus("a", Mode::Rtu, fast(), &wire, "").start();
     let mut client = Modbus::connect(gateway.main);
     assert_eq!(client.read(1, 7, 1), Err(0x0B));
     wire.plug();
@@ -72,11 +76,24 @@ fn a_line_that_is_not_there_yet_when_the_gateway_starts() {
 fn what_could_not_be_sent_is_told_so() {
     let mut wire = Wire::tcp(slaves(Mode::Rtu));
     wire.pull();
-    let gateway = Gateway::start(&(bus("a", Mode::Rtu, fast(), &wire.port(), "") + &common::axis("x", 1)));
+    let gateway = Document::new().bus("a", Mode::Rtu, fast(), &wire, "").axis("x", "a", 1, "").start();
     let mut console = Lines::connect(gateway.main);
     let reply = console.error("axis x set Pn037 100", "not-sent");
     assert!(reply.contains("not sent: the port of the bus failed"), "{reply}");
     wire.plug();
     until("the line is found", || console.ask("axis x get Pn037").starts_with("ok"));
     assert!(!wire.pdus(1).iter().any(|pdu| pdu[0] == 6), "and is not sent later");
+}
+
+#[test]
+fn an_axis_whose_commander_left_while_the_wire_was_pulled_is_stopped_when_it_is_back() {
+    let mut rig = Rig::new(Mode::Rtu, 5000);
+    let (commander, _) = rig.jogging();
+    rig.wire.pull();
+    drop(commander);
+    thread::sleep(ms(300));
+    assert!(rig.turns(), "a real drive goes on too");
+    rig.wire.plug();
+    until("x stands", || !rig.turns());
+    assert!(rig.wire.pdus(1).contains(&write_pdu(FORWARD, 0)));
 }

@@ -1,3 +1,5 @@
+//! Host alone: the options of the program, and its settings in a file.
+//!
 //! Settings: what is wrong with them is said with its place, before anything is opened; what is printed is accepted.
 
 mod common;

@@ -3,7 +3,6 @@
 mod common;
 
 use std::io::Write;
-use std::thread;
 use std::time::Instant;
 
 use common::client::{Lines, Modbus, connect, mbap, read_pdu, reset, write_pdu};
@@ -83,7 +82,7 @@ fn a_stop_without_confirmation_is_repeated_until_there_is_one() {
 
 #[test]
 fn a_stop_goes_on_after_the_drive_was_away_for_long() {
-    let rig = Rig::with(Mode::Rtu, 5000, "reply_timeout_ms = 100\nquarantine_ms = 0");
+    let rig = Rig::with(Mode::Rtu, 5000, "reply_timeout_ms = 300\nquarantine_ms = 0");
     let (commander, _) = rig.jogging();
     assert!(rig.wire.device().set_fault(1, Fault::Silent));
     drop(commander);
@@ -95,17 +94,4 @@ fn a_stop_goes_on_after_the_drive_was_away_for_long() {
     until("x stands", || !rig.turns());
     assert_eq!(rig.event(), "stop-unconfirmed");
     until("the axis is free", || Lines::connect(rig.gateway.main).ask("axis x jog 10").starts_with("ok"));
-}
-
-#[test]
-fn an_axis_whose_commander_left_while_the_wire_was_pulled_is_stopped_when_it_is_back() {
-    let mut rig = Rig::new(Mode::Rtu, 5000);
-    let (commander, _) = rig.jogging();
-    rig.wire.pull();
-    drop(commander);
-    thread::sleep(ms(300));
-    assert!(rig.turns(), "a real drive goes on too");
-    rig.wire.plug();
-    until("x stands", || !rig.turns());
-    assert!(rig.wire.pdus(1).contains(&write_pdu(FORWARD, 0)));
 }

@@ -1,3 +1,5 @@
+//! Host alone: no gateway runs.
+//!
 //! The temperature that a board makes of its chip's sensor.
 
 #[path = "../src/port/nucleo/calibration.rs"]

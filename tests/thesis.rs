@@ -3,7 +3,7 @@
 mod common;
 
 use common::client::{Lines, Modbus, send_and_close};
-use common::{Gateway, axis, bus, thesis, until, wire};
+use common::{Document, Gateway, thesis, until, wire};
 use puente_modbus::Mode;
 
 const SEARCH: (&str, &str) = (":010310000001EB", ":0103020036C4");
@@ -20,7 +20,7 @@ fn thesis_drive(mode: Mode) -> (wire::Wire<puente_cell::Cell>, Gateway) {
         drive.force(0x1000, 0x0036);
         drive.force(0x0901, 0x0163);
     }
-    let gateway = Gateway::start(&(bus("a", mode, thesis(), &line.port(), "") + &axis("x", 1)));
+    let gateway = Document::new().bus("a", mode, thesis(), &line, "").axis("x", "a", 1, "").start();
     (line, gateway)
 }
 
@@ -70,7 +70,7 @@ fn modbus_tcp_reads_the_same_values() {
 /// `printf ':010309010001F1\r\n' | nc 127.0.0.1 8080`: nc closes its side and still gets the answer.
 #[test]
 fn the_factory_settings_answer_the_first_command_of_the_readme() {
-    let gateway = Gateway::default();
+    let gateway = Gateway::factory();
     let reply = send_and_close(gateway.main, b":010309010001F1\r\n");
     // Ready, waiting, mains present, motor stopped.
     assert_eq!(String::from_utf8_lossy(&reply), ":01030201A455\r\n");
@@ -78,7 +78,7 @@ fn the_factory_settings_answer_the_first_command_of_the_readme() {
 
 #[test]
 fn the_factory_settings_have_three_drives_that_can_be_jogged() {
-    let gateway = Gateway::default();
+    let gateway = Gateway::factory();
     let mut client = Lines::connect(gateway.main);
     assert_eq!(client.ask("axis"), "ok axes=x,y,z");
     for name in ["x", "y", "z"] {

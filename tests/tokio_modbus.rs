@@ -4,12 +4,13 @@
 //! variable `PUENTE_PEERS` names, one a line, as `PORT NAME,ADDRESS,UNIT,SLAVE NAME`; they hold what
 //! tests/peers/model.py says.
 
+mod common;
+
 use std::fmt::Debug;
-use std::io::{BufRead, BufReader};
 use std::net::SocketAddr;
-use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
+use common::Gateway;
 use tokio_modbus::client::sync::{Client, Context, Reader, Writer, tcp};
 use tokio_modbus::prelude::{ExceptionCode, ReadCode, Request, Response, Slave};
 
@@ -18,8 +19,8 @@ fn reads_and_writes_through_both_ports() {
     match std::env::var("PUENTE_PEERS") {
         Ok(peers) => peers.lines().for_each(|peer| Peer::parse(peer).exercise()),
         Err(_) => {
-            let gateway = Gateway::start();
-            for address in gateway.addresses {
+            let gateway = Gateway::factory();
+            for address in [gateway.main, gateway.modbus] {
                 drive(&mut connect(address, 2));
             }
         }
@@ -34,38 +35,6 @@ fn connect(address: SocketAddr, unit: u8) -> Context {
 /// A reply of the server, exception or not.
 fn reply<T>(result: tokio_modbus::Result<T>) -> Result<T, ExceptionCode> {
     result.expect("a reply")
-}
-
-/// A gateway with the simulated cell; it ends with the test.
-struct Gateway {
-    child: Child,
-    addresses: [SocketAddr; 2],
-}
-
-impl Gateway {
-    fn start() -> Self {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_gateway"))
-            .args(["--port", "0", "--modbus-port", "0"])
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("the gateway starts");
-        let mut ready = String::new();
-        BufReader::new(child.stdout.take().expect("its output")).read_line(&mut ready).expect("a line");
-        let address = |after| {
-            let (_, rest) = ready.split_once(after).expect(after);
-            rest.split_whitespace().next().expect("address").parse().expect("address")
-        };
-        let addresses = [address("http://"), address("modbus-tcp://")];
-        Self { child, addresses }
-    }
-}
-
-impl Drop for Gateway {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
 }
 
 /// What an EDB drive knows: functions 03, 06 and 10h.

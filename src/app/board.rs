@@ -23,8 +23,8 @@ pub fn start(spawner: Spawner) {
     let mut board = Board::start(spawner);
     log::info!("puente {}, MAC {:02x?}", env!("CARGO_PKG_VERSION"), board.mac);
     let gateway = super::build(settings);
-    resume(gateway, board.moving);
-    let whole = buses(gateway, &mut board);
+    let failed = resume(gateway, board.moving);
+    let whole = buses(gateway, &mut board) && !failed;
     clients(gateway, &board.network, spawner);
     let net = &gateway.settings.net;
     board.network.join(spawner, address(), net.port, net.modbus_port);
@@ -40,14 +40,18 @@ fn address() -> Address {
     Address { dhcp: true, ip: [192, 168, 1, 111], prefix: 24, router: None, hostname }
 }
 
-/// Tells why the board has started, and has the axes stopped that may have moved when it was reset.
+/// Tells why the board has started, and has the axes stopped that may have moved when it was reset. True where the
+/// firmware had failed.
 #[inline(never)]
-fn resume(gateway: &Gateway, moving: u32) {
-    let Some(history) = port::history().filter(|history| history.cause != Reset::PowerOn) else { return };
+fn resume(gateway: &Gateway, moving: u32) -> bool {
+    let Some(history) = port::history().filter(|history| history.cause != Reset::PowerOn) else {
+        return false;
+    };
     log::warn!("started after {}", history.cause.name());
     for (axis, _) in gateway.axes.iter().filter(|(axis, _)| moving >> axis & 1 != 0) {
         gateway.desk.restarted(clock::now(), axis);
     }
+    history.cause.is_failure()
 }
 
 /// The settings of every start, until they can be kept in flash.

@@ -2,7 +2,7 @@
 
 use embassy_time::Timer;
 
-use crate::desk::{Cause, Statistics};
+use crate::desk::{Cause, Traffic};
 use crate::front::Gateway;
 use crate::port::{Lamps, Lights, Link};
 
@@ -13,13 +13,14 @@ const SLOW: u32 = 10;
 /// and twice.
 const FAST: u32 = 5;
 
-/// Shows the state of the gateway, for ever. It is not `whole` where a part of it has failed, which then will not work
-/// before the next start.
+/// Shows the state of the gateway, for ever. It is not `whole` where a part of it did not start, or where it has started
+/// because it had failed.
 pub async fn show(gateway: &Gateway, lamps: &mut impl Lamps, link: impl Fn() -> Link, whole: bool) -> ! {
     let mut panel = Panel::default();
     loop {
-        let fault = if whole { fault(gateway) } else { Fault::Lasting };
-        lamps.show(panel.next(link(), transactions(gateway), fault));
+        let traffic = gateway.desk.traffic();
+        let fault = if whole { fault(gateway, &traffic) } else { Fault::Lasting };
+        lamps.show(panel.next(link(), traffic.transactions, fault));
         Timer::after(STEP).await;
     }
 }
@@ -30,25 +31,14 @@ enum Fault {
     None,
     /// A slave is out of order, or the stop of an axis is not confirmed.
     Passing,
-    /// A part of the gateway has failed.
+    /// The gateway is not whole.
     Lasting,
 }
 
-fn statistics(gateway: &Gateway) -> impl Iterator<Item = Statistics> {
-    (0..gateway.desk.buses()).filter_map(|bus| gateway.desk.statistics(bus))
-}
-
-fn fault(gateway: &Gateway) -> Fault {
+fn fault(gateway: &Gateway, traffic: &Traffic) -> Fault {
     let mut events = gateway.axes.iter().filter_map(|(axis, _)| gateway.desk.event(axis));
     let unconfirmed = events.any(|event| event.cause == Cause::StopUnconfirmed);
-    if unconfirmed || statistics(gateway).any(|bus| bus.resting > 0) { Fault::Passing } else { Fault::None }
-}
-
-/// Requests that were on a line, modulo 2^32.
-fn transactions(gateway: &Gateway) -> u32 {
-    statistics(gateway)
-        .flat_map(|bus| [bus.confirmed, bus.broadcasts, bus.no_reply])
-        .fold(0, u32::wrapping_add)
+    if unconfirmed || traffic.resting { Fault::Passing } else { Fault::None }
 }
 
 /// What the lamps show, step by step.

@@ -28,7 +28,7 @@ pub use lease::{Cause, Event, Holder, Leased, Permit};
 pub use pending::Pending;
 pub use queue::BusQueue;
 pub use route::Units;
-pub use statistics::{BUCKETS_MS, Statistics};
+pub use statistics::{BUCKETS_MS, Statistics, Traffic};
 
 use crate::port::limits::{AXES, BUSES, TICKETS};
 
@@ -137,7 +137,7 @@ struct Bus {
 struct State {
     queue: queue::Queue,
     buses: Vec<Bus, BUSES>,
-    leases: [lease::AxisLease; AXES],
+    leases: Vec<lease::AxisLease, AXES>,
     lease_time: Duration,
     /// No lease is given any more.
     closed: bool,
@@ -157,13 +157,13 @@ impl Default for Desk {
 }
 
 impl Desk {
-    /// A desk without buses, for a static.
+    /// A desk without buses, for a static. It is all zeros, which take no flash.
     pub const fn new() -> Self {
         Self {
             state: Mutex::new(RefCell::new(State {
                 queue: queue::Queue::new(),
                 buses: Vec::new(),
-                leases: [const { lease::AxisLease::new() }; AXES],
+                leases: Vec::new(),
                 lease_time: Duration::ZERO,
                 closed: false,
             })),
@@ -176,6 +176,7 @@ impl Desk {
     pub fn configure(&self, specs: impl IntoIterator<Item = BusSpec>, lease_time: Duration) {
         self.with(|state| {
             state.lease_time = lease_time;
+            state.leases = core::iter::repeat_with(lease::AxisLease::new).take(AXES).collect();
             for spec in specs.into_iter().take(BUSES) {
                 let breaker = breaker::Breaker::new(spec.reply_timeout);
                 // There is room: no more than BUSES are taken.
@@ -207,6 +208,15 @@ impl Desk {
             let waiting = state.queue.waiting(bus);
             let bus = state.buses.get(usize::from(bus))?;
             Some(Statistics { waiting, resting: bus.breaker.resting(), ..bus.statistics.clone() })
+        })
+    }
+
+    /// The buses at a glance.
+    pub fn traffic(&self) -> Traffic {
+        self.with(|state| {
+            let resting = state.buses.iter().any(|bus| bus.breaker.resting() > 0);
+            let on_line = state.buses.iter().map(|bus| bus.statistics.on_line());
+            Traffic { transactions: on_line.fold(0, u32::wrapping_add), resting }
         })
     }
 

@@ -3,9 +3,10 @@
 use core::task::Waker;
 
 use embassy_sync::waitqueue::WakerRegistration;
+use heapless::Vec;
 use puente_line::Instant;
+use puente_modbus::Outcome;
 use puente_modbus::request::Request;
-use puente_modbus::{Outcome, Pdu};
 
 use super::{Class, Desk, Failure, Order, Reason};
 use crate::bus::{End, Haste, Job, Next, Ticket, Work};
@@ -34,32 +35,21 @@ struct Entry {
 }
 
 impl Entry {
-    const fn free() -> Self {
-        Self {
-            phase: Phase::Free,
-            abandoned: false,
-            order: Order { seat: 0, bus: 0, unit: 0, class: Class::Free, pdu: Pdu::new() },
-            serial: 0,
-            arrived: Instant::ZERO,
-            deadline: Instant::ZERO,
-            waker: WakerRegistration::new(),
-        }
-    }
-
     fn answer(&mut self, result: Result<(), Failure>) {
         self.phase = if self.abandoned { Phase::Free } else { Phase::Answered(result) };
         self.waker.wake();
     }
 }
 
+/// Empty at first, so that a static one takes no flash.
 pub(super) struct Queue {
-    entries: [Entry; TICKETS],
+    entries: Vec<Entry, TICKETS>,
     serial: u32,
 }
 
 impl Queue {
     pub(super) const fn new() -> Self {
-        Self { entries: [const { Entry::free() }; TICKETS], serial: 0 }
+        Self { entries: Vec::new(), serial: 0 }
     }
 
     pub(super) fn used(&self) -> usize {
@@ -80,12 +70,16 @@ impl Queue {
                 return None;
             }
         }
-        let index = self.entries.iter().position(|entry| matches!(entry.phase, Phase::Free))?;
-        let entry = self.entries.get_mut(index)?;
         self.serial = self.serial.wrapping_add(1);
         let serial = self.serial;
         let waker = WakerRegistration::new();
-        *entry = Entry { phase: Phase::Queued, abandoned: false, order, serial, arrived, deadline, waker };
+        let entry = Entry { phase: Phase::Queued, abandoned: false, order, serial, arrived, deadline, waker };
+        let free = self.entries.iter().position(|entry| matches!(entry.phase, Phase::Free));
+        let index = free.unwrap_or(self.entries.len());
+        match self.entries.get_mut(index) {
+            Some(place) => *place = entry,
+            None => self.entries.push(entry).ok()?,
+        }
         Some(Ticket(index as u16))
     }
 

@@ -43,7 +43,21 @@ pub struct Statistics {
     pub line: Counters,
 }
 
+/// The buses at a glance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Traffic {
+    /// Requests that were on a line, modulo 2^32.
+    pub transactions: u32,
+    /// A slave is out of order.
+    pub resting: bool,
+}
+
 impl Statistics {
+    /// Requests that were on the line, modulo 2^32.
+    pub(super) fn on_line(&self) -> u32 {
+        self.confirmed.wrapping_add(self.broadcasts).wrapping_add(self.no_reply)
+    }
+
     pub(super) fn answered(&mut self, latency: Duration, reply: &[u8]) {
         self.confirmed += 1;
         if reply.first().is_some_and(|function| function & 0x80 != 0) {

@@ -45,6 +45,11 @@ impl Reset {
     const ALL: [Self; 7] =
         [Self::PowerOn, Self::BrownOut, Self::Pin, Self::Software, Self::Watchdog, Self::Panic, Self::Fault];
 
+    /// Whether the firmware had failed.
+    pub const fn is_failure(self) -> bool {
+        matches!(self, Reset::Watchdog | Reset::Panic | Reset::Fault)
+    }
+
     /// The name used in replies.
     pub const fn name(self) -> &'static str {
         match self {

@@ -4,13 +4,13 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpStream};
 use std::time::Duration;
 
-use super::ms;
+use super::{ms, target, until};
 
 /// Longer than anything may take.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 pub fn connect(address: SocketAddr) -> TcpStream {
-    let stream = TcpStream::connect(address).expect("a connection");
+    let stream = target().connect(address).expect("a connection");
     stream.set_nodelay(true).expect("no delay");
     stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
     stream.set_write_timeout(Some(PATIENCE)).expect("a timeout");
@@ -23,6 +23,19 @@ pub fn send_and_close(address: SocketAddr, bytes: &[u8]) -> Vec<u8> {
     stream.write_all(bytes).expect("sent");
     stream.shutdown(Shutdown::Write).expect("closed");
     rest(&mut stream)
+}
+
+/// As `send_and_close`, of one who comes again where it is refused: the last places of a board have to be cleared before
+/// they are free.
+pub fn visit(address: SocketAddr, question: &[u8]) -> Vec<u8> {
+    let mut answer = Vec::new();
+    until("a visitor is heard", || {
+        let mut stream = connect(address);
+        let asked = stream.write_all(question).and_then(|()| stream.shutdown(Shutdown::Write));
+        answer = asked.map_or(Vec::new(), |()| rest(&mut stream));
+        !answer.is_empty()
+    });
+    answer
 }
 
 /// What comes until the gateway closes the connection.
@@ -77,6 +90,16 @@ impl Modbus {
     #[track_caller]
     pub fn connect(address: SocketAddr) -> Self {
         Self { stream: connect(address), transaction: 0x4700 }
+    }
+
+    /// As `connect`; returns when the gateway serves it. A board's idle places are few: of many that come at once it
+    /// refuses some.
+    #[track_caller]
+    pub fn served(address: SocketAddr) -> Self {
+        let mut client = Self::connect(address);
+        // There is no function 0: the gateway itself refuses it.
+        assert_eq!(client.ask(1, &[0, 0]), [0x80, 1]);
+        client
     }
 
     /// Sends a request and tells its transaction number.

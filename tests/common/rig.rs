@@ -6,12 +6,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use puente_cell::{Cell, Config};
+use puente_cell::Cell;
+use puente_emulator::Setup;
 use puente_modbus::Mode;
 
 use super::client::{Lines, Modbus, figure, read_pdu, value};
 use super::wire::{Wire, cell};
-use super::{Gateway, axis, bus, thesis, until};
+use super::{Document, Gateway, target, thesis, until};
 
 pub const ENABLE: u16 = 0x1023;
 pub const FORWARD: u16 = 0x1024;
@@ -23,13 +24,6 @@ pub struct Rig {
     pub gateway: Gateway,
 }
 
-fn settings(mode: Mode, wire: &Wire<Cell>, lease_ms: u64, more: &str) -> String {
-    let axes = ["x", "y", "z"].iter().zip(1..).map(|(name, address)| axis(name, address));
-    format!("[net]\nlease_ms = {lease_ms}\n")
-        + &bus("a", mode, thesis(), &wire.port(), more)
-        + &axes.collect::<String>()
-}
-
 impl Rig {
     pub fn new(mode: Mode, lease_ms: u64) -> Self {
         Self::with(mode, lease_ms, "")
@@ -38,27 +32,26 @@ impl Rig {
     /// With more keys of the bus.
     pub fn with(mode: Mode, lease_ms: u64, more: &str) -> Self {
         let wire = cell(mode, thesis(), &[1, 2, 3]);
-        let gateway = Gateway::start(&settings(mode, &wire, lease_ms, more));
+        let gateway = Self::document(mode, lease_ms, &wire, more).start();
         Self { wire, gateway }
     }
 
-    /// With a board's factory settings: on the emulated board where the variable `PUENTE_IMAGE` names the firmware,
-    /// and otherwise on this machine.
-    pub fn on_target() -> Self {
-        Self::on_target_with("")
+    /// On the emulated board with its factory settings, and more or less connected to it.
+    pub fn on_board(change: impl FnOnce(&mut Setup)) -> Self {
+        let image = target().image.as_ref().expect("PUENTE_IMAGE names the firmware");
+        let wire = cell(Mode::Ascii, thesis(), &[1, 2, 3]);
+        wire.go_live();
+        let mut setup = Setup::new(image, wire.place.address().expect("a port"));
+        change(&mut setup);
+        Self { gateway: Gateway::on_board(&setup), wire }
     }
 
-    /// On this machine with more keys of `[net]`.
-    pub fn on_target_with(net: &str) -> Self {
-        let wire = Wire::tcp(Cell::new(Config::new(Mode::Ascii, thesis(), &[1, 2, 3])));
-        let gateway = match std::env::var_os("PUENTE_IMAGE") {
-            Some(image) => Gateway::on_board(image.as_ref(), wire.address().expect("on a port")),
-            None => {
-                let settings = settings(Mode::Ascii, &wire, 250, "");
-                Gateway::start(&settings.replace("[net]\n", &format!("[net]\n{net}\n")))
-            }
-        };
-        Self { wire, gateway }
+    /// The settings for its cell on `wire`.
+    pub fn document(mode: Mode, lease_ms: u64, wire: &Wire<Cell>, more: &str) -> Document {
+        let document = Document::new().net(&format!("lease_ms = {lease_ms}"));
+        let axes = ["x", "y", "z"].into_iter().zip(1..);
+        let bus = document.bus("a", mode, thesis(), wire, more);
+        axes.fold(bus, |document, (name, address)| document.axis(name, "a", address, ""))
     }
 
     /// A console that jogs x forward; and when that was confirmed.
@@ -112,16 +105,15 @@ pub struct Flood {
 
 impl Flood {
     const CLIENTS: u8 = 10;
-    const PIPELINED: usize = 8;
 
     pub fn start(address: SocketAddr) -> Self {
         let running = Arc::new(AtomicBool::new(true));
         let flood = |number: u8| {
             let running = running.clone();
+            let mut client = Modbus::served(address);
             thread::spawn(move || {
-                let mut client = Modbus::connect(address);
                 let ask = |client: &mut Modbus| client.send(1 + number % 3, &read_pdu(0x0901, 1));
-                (0..Self::PIPELINED).for_each(|_| {
+                (0..target().room / usize::from(Self::CLIENTS)).for_each(|_| {
                     ask(&mut client);
                 });
                 let mut answered = 0;
@@ -136,9 +128,8 @@ impl Flood {
         let threads = (0..Self::CLIENTS).map(flood).collect();
         let flood = Self { running, threads };
         let mut watcher = Lines::connect(address);
-        until("the queue is full", || {
-            figure(&watcher.ok("bus a status"), "waiting") > u64::from(Self::CLIENTS) * 4
-        });
+        let full = target().room as u64 / 2;
+        until("the queue is full", || figure(&watcher.ok("bus a status"), "waiting") > full);
         flood
     }
 

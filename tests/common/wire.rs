@@ -19,7 +19,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::OFlags;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
-use super::{ms, scratch};
+use super::{ms, scratch, target, thesis};
 
 /// A request with a right check.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -154,47 +154,28 @@ enum End {
     Tcp { listener: TcpListener, client: Option<TcpStream> },
 }
 
-/// A line with a device on it. It lives as long as this value.
+/// A line with a device on it; the gateway is started after it. It lives as long as this value.
 pub struct Wire<D> {
     device: Arc<Mutex<D>>,
     log: Arc<Mutex<Log>>,
     start: Clock,
-    place: Place,
+    pub(super) place: Place,
+    /// Whether the device is on it. Until then it hears nothing of what a board with other settings says.
+    pub(super) live: Arc<AtomicBool>,
     thread: Option<(Arc<AtomicBool>, JoinHandle<()>)>,
 }
 
-enum Place {
+/// Where the gateway finds the line.
+#[derive(Clone)]
+pub enum Place {
     Link(PathBuf),
     Tcp(SocketAddr),
 }
 
-impl<D: Device> Wire<D> {
-    /// On a pseudo terminal.
-    pub fn pty(device: D) -> Self {
-        Self::new(device, Place::Link(scratch("line")))
-    }
-
-    /// On a TCP port, as raw bytes.
-    pub fn tcp(device: D) -> Self {
-        Self::new(device, Place::Tcp("127.0.0.1:0".parse().expect("an address")))
-    }
-
-    fn new(device: D, place: Place) -> Self {
-        let log = Log { bytes: Vec::new(), requests: Vec::new(), sent: Vec::new() };
-        let mut wire = Self {
-            device: Arc::new(Mutex::new(device)),
-            log: Arc::new(Mutex::new(log)),
-            start: Clock::now(),
-            place,
-            thread: None,
-        };
-        wire.plug();
-        wire
-    }
-
-    /// What the settings call it.
+impl Place {
+    /// What the settings of the host's gateway call it.
     pub fn port(&self) -> String {
-        match &self.place {
+        match self {
             Place::Link(link) => link.to_str().expect("a path").to_owned(),
             Place::Tcp(address) => format!("tcp:{address}"),
         }
@@ -202,10 +183,46 @@ impl<D: Device> Wire<D> {
 
     /// Where it is on the network, where it is there.
     pub fn address(&self) -> Option<SocketAddr> {
-        match self.place {
+        match self {
             Place::Link(_) => None,
-            Place::Tcp(address) => Some(address),
+            Place::Tcp(address) => Some(*address),
         }
+    }
+}
+
+impl<D: Device> Wire<D> {
+    /// Where the target has its lines: a pseudo terminal, or the TCP port of a UART.
+    pub fn new(device: D) -> Self {
+        if target().is_board() { Self::tcp(device) } else { Self::pty(device) }
+    }
+
+    /// On a pseudo terminal.
+    pub fn pty(device: D) -> Self {
+        Self::at(device, Place::Link(scratch("line")))
+    }
+
+    /// On a TCP port, as raw bytes.
+    pub fn tcp(device: D) -> Self {
+        Self::at(device, Place::Tcp("127.0.0.1:0".parse().expect("an address")))
+    }
+
+    fn at(device: D, place: Place) -> Self {
+        let log = Log { bytes: Vec::new(), requests: Vec::new(), sent: Vec::new() };
+        let mut wire = Self {
+            device: Arc::new(Mutex::new(device)),
+            log: Arc::new(Mutex::new(log)),
+            start: Clock::now(),
+            place,
+            live: Arc::new(AtomicBool::new(!target().is_board())),
+            thread: None,
+        };
+        wire.plug();
+        wire
+    }
+
+    /// Puts the device on it, where a board is not to have other settings.
+    pub(super) fn go_live(&self) {
+        self.live.store(true, Ordering::Relaxed);
     }
 
     /// The device, to look at or to change.
@@ -265,8 +282,12 @@ impl<D: Device> Wire<D> {
         };
         let running = Arc::new(AtomicBool::new(true));
         let (device, log, start) = (self.device.clone(), self.log.clone(), self.start);
-        let goes_on = running.clone();
-        let thread = thread::spawn(move || serve(end, &device, &log, start, &goes_on));
+        let (live, goes_on) = (self.live.clone(), running.clone());
+        let thread = thread::spawn(move || {
+            let mut end = end;
+            let first = before(&mut end, start, &live, &goes_on);
+            serve(end, &first, &device, &log, start, &goes_on);
+        });
         self.thread = Some((running, thread));
     }
 }
@@ -296,10 +317,45 @@ fn open_pty() -> (End, String) {
     (End::Pty { master: master.into(), far: far.expect("its far side") }, path)
 }
 
-fn serve<D: Device>(mut end: End, device: &Mutex<D>, log: &Mutex<Log>, start: Clock, goes_on: &AtomicBool) {
+/// Refuses all that a board asks with its factory settings, until the line is live: the sooner it has its answers, the
+/// sooner it takes others. Returns the first bytes after that.
+fn before(end: &mut End, start: Clock, live: &AtomicBool, goes_on: &AtomicBool) -> Vec<u8> {
+    let now = || Instant::from_micros(start.elapsed().as_micros() as u64);
+    let mut refusal = Script::new(Mode::Ascii, thesis(), |unit, request| {
+        vec![(Duration::ZERO, frame(Mode::Ascii, unit, &[request[0] | 0x80, 1]))]
+    });
+    let mut buffer = [0; 256];
+    while goes_on.load(Ordering::Relaxed) && !live.load(Ordering::Relaxed) {
+        if let Some(bytes) = refusal.poll(now()) {
+            end.write(&bytes);
+            continue;
+        }
+        let wait = refusal.poll_at().map_or(ms(20), |at| at.since(now()).min(ms(20)));
+        let count = end.read(&mut buffer, wait);
+        if live.load(Ordering::Relaxed) {
+            return buffer[..count].to_vec();
+        }
+        refusal.receive(now(), &buffer[..count]);
+    }
+    Vec::new()
+}
+
+fn serve<D: Device>(
+    mut end: End,
+    first: &[u8],
+    device: &Mutex<D>,
+    log: &Mutex<Log>,
+    start: Clock,
+    goes_on: &AtomicBool,
+) {
     let now = || Instant::from_micros(start.elapsed().as_micros() as u64);
     let clock = |at: Instant| start + Duration::from_micros(at.as_micros());
     let mut buffer = [0; 4096];
+    let take = |bytes: &[u8]| {
+        log.lock().expect("the log").bytes.extend(bytes);
+        device.lock().expect("the device").receive(now(), bytes);
+    };
+    take(first);
     while goes_on.load(Ordering::Relaxed) {
         let (bytes, requests, at) = {
             let mut device = device.lock().expect("the device");
@@ -316,8 +372,7 @@ fn serve<D: Device>(mut end: End, device: &Mutex<D>, log: &Mutex<Log>, start: Cl
         let wait = at.map_or(ms(20), |at| at.since(now()).min(ms(20)));
         let count = end.read(&mut buffer, wait);
         if count > 0 {
-            log.lock().expect("the log").bytes.extend(&buffer[..count]);
-            device.lock().expect("the device").receive(now(), &buffer[..count]);
+            take(&buffer[..count]);
         }
     }
 }
@@ -367,16 +422,16 @@ impl End {
     }
 }
 
-/// A cell of EDB drives on a pseudo terminal.
+/// A cell of EDB drives on a line of the target.
 pub fn cell(mode: Mode, line: Settings, addresses: &[u8]) -> Wire<Cell> {
-    Wire::pty(Cell::new(Config::new(mode, line, addresses)))
+    Wire::new(Cell::new(Config::new(mode, line, addresses)))
 }
 
-/// Slaves on a pseudo terminal that answer as a closure says.
+/// Slaves on a line of the target that answer as a closure says.
 pub fn script(
     mode: Mode,
     line: Settings,
     act: impl FnMut(u8, &[u8]) -> Vec<Chunk> + Send + 'static,
 ) -> Wire<Script> {
-    Wire::pty(Script::new(mode, line, act))
+    Wire::new(Script::new(mode, line, act))
 }

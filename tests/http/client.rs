@@ -1,84 +1,43 @@
 //! A gateway to test, and a client that sees every byte.
 
 use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
-use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::net::{Shutdown, TcpStream};
 use std::time::{Duration, Instant};
 
+use puente_cell::Cell;
+use puente_modbus::Mode;
 use serde_json::Value;
 
+use super::common::client::connect;
+use super::common::wire::{Script, Wire, cell, script};
+use super::common::{self, Document, fast};
+
 /// Longest that anything here may take.
-const PATIENCE: Duration = Duration::from_secs(10);
+const PATIENCE: Duration = Duration::from_secs(20);
 
 /// A running gateway with two simulated drives, axes x and y, and an axis `dead` whose bus never answers.
 pub struct Gateway {
-    process: Child,
-    address: SocketAddr,
-    settings: PathBuf,
-    _silence: TcpListener,
+    pub gateway: common::Gateway,
+    _drives: Wire<Cell>,
+    _silence: Wire<Script>,
 }
 
 impl Gateway {
     pub fn start(clients: u16) -> Self {
-        // Connections are taken by the system and never answered.
-        let silence = TcpListener::bind("127.0.0.1:0").expect("a port");
-        let port = silence.local_addr().expect("an address").port();
-        let settings = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("http-{port}.toml"));
-        let text = format!(
-            r#"
-[net]
-clients = {clients}
-[[bus]]
-name = "a"
-protocol = "modbus-rtu"
-port = "sim"
-baud = 115200
-format = "8E1"
-units = "1-9"
-[[bus]]
-name = "b"
-protocol = "modbus-rtu"
-port = "tcp:127.0.0.1:{port}"
-units = "10-19"
-reply_timeout_ms = 100
-[[axis]]
-name = "x"
-bus = "a"
-drive = "edb"
-address = 1
-[[axis]]
-name = "y"
-bus = "a"
-drive = "edb"
-address = 2
-max_rpm = 200
-[[axis]]
-name = "dead"
-bus = "b"
-drive = "edb"
-address = 10
-"#
-        );
-        std::fs::write(&settings, text).expect("a file");
-        let mut process = Command::new(env!("CARGO_BIN_EXE_gateway"))
-            .args(["--port", "0", "--modbus-port", "0", "--config"])
-            .arg(&settings)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .expect("the gateway");
-        let mut ready = String::new();
-        BufReader::new(process.stdout.take().expect("piped")).read_line(&mut ready).expect("a line");
-        let address = ready.split(['/', ' ']).nth(3).expect("an address").parse().expect("an address");
-        Self { process, address, settings, _silence: silence }
+        let drives = cell(Mode::Rtu, fast(), &[1, 2]);
+        let silence = script(Mode::Rtu, fast(), |_, _| Vec::new());
+        let document = Document::new()
+            .net(&format!("clients = {clients}"))
+            .bus("a", Mode::Rtu, fast(), &drives, "units = \"1-9\"")
+            .bus("b", Mode::Rtu, fast(), &silence, "units = \"10-19\"\nreply_timeout_ms = 100")
+            .axis("x", "a", 1, "")
+            .axis("y", "a", 2, "max_rpm = 200")
+            .axis("dead", "b", 10, "");
+        Self { gateway: document.start(), _drives: drives, _silence: silence }
     }
 
     pub fn connect(&self) -> Client {
-        let stream = TcpStream::connect(self.address).expect("a connection");
-        stream.set_read_timeout(Some(PATIENCE)).expect("set");
-        stream.set_nodelay(true).expect("set");
-        Client { stream: BufReader::new(stream) }
+        Client { stream: BufReader::new(connect(self.gateway.main)) }
     }
 
     /// One request on its own connection.
@@ -91,7 +50,7 @@ address = 10
         let mut client = self.connect();
         client.send(&format!(
             "{request} HTTP/1.1\r\nHost: {}\r\n{fields}Content-Length: {}\r\n\r\n{body}",
-            self.address,
+            self.gateway.main,
             body.len()
         ));
         client.reply()
@@ -115,15 +74,7 @@ address = 10
     }
 
     pub fn origin(&self) -> String {
-        format!("http://{}", self.address)
-    }
-}
-
-impl Drop for Gateway {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-        let _ = std::fs::remove_file(&self.settings);
+        format!("http://{}", self.gateway.main)
     }
 }
 

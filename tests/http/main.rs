@@ -1,6 +1,8 @@
 //! The HTTP interface over real sockets, with simulated drives.
 
 mod client;
+#[path = "../common/mod.rs"]
+mod common;
 mod malformed;
 
 use client::Gateway;
@@ -71,11 +73,11 @@ fn axes_with_values_and_a_dead_one() {
 fn a_jog_lasts_as_long_as_its_hold() {
     let gateway = Gateway::start(16);
     enable(&gateway, "x");
-    let reply = gateway.ask(JOG, "{\"rpm\":-100,\"hold_ms\":400}");
+    let reply = gateway.ask(JOG, "{\"rpm\":-100,\"hold_ms\":1500}");
     assert_eq!(reply.status, 200, "{}", reply.body);
     let jog = reply.json();
     assert_eq!((&jog["axis"], &jog["enabled"], &jog["jog_rpm"]), (&json!("x"), &json!(true), &json!(-100)));
-    assert!(jog["lease"]["left_ms"].as_u64().expect("a time") <= 400);
+    assert!(jog["lease"]["left_ms"].as_u64().expect("a time") <= 1500);
     gateway.await_axis("x", |axis| axis["speed_rpm"].as_i64() < Some(0));
     let lost = gateway.await_axis("x", |axis| axis["event"] != Value::Null && axis["jog_rpm"] == 0);
     assert_eq!((&lost["event"]["cause"], &lost["lease"]), (&json!("lease-expired"), &Value::Null));
@@ -195,8 +197,10 @@ fn buses() {
     gateway.axis("dead");
     let list = gateway.ask("GET /api/buses", "").json();
     let a = &list[0];
-    assert_eq!((&a["name"], &a["protocol"], &a["port"]), (&json!("a"), &json!("modbus-rtu"), &json!("sim")));
-    assert_eq!((&a["baud"], &a["format"], &a["units"]), (&json!(115_200), &json!("8E1"), &json!("1-9")));
+    let port = json!(gateway.gateway.ports[0]);
+    assert_eq!((&a["name"], &a["protocol"], &a["port"]), (&json!("a"), &json!("modbus-rtu"), &port));
+    let baud = json!(common::fast().baud);
+    assert_eq!((&a["baud"], &a["format"], &a["units"]), (&baud, &json!("8E1"), &json!("1-9")));
     assert_eq!(a["statistics"]["confirmed"], 2, "status word and monitor block: {a}");
     assert!(a["statistics"]["latency_mean_us"].as_u64().expect("a time") > 0);
     let dead = &list[1]["statistics"];
@@ -323,16 +327,17 @@ fn the_log_has_the_recent_lines() {
 #[test]
 fn the_page_and_its_files() {
     let gateway = Gateway::start(16);
-    for (path, content_type) in [
-        ("/", "text/html"),
-        ("/panel.css", "text/css"),
-        ("/panel.js", "text/javascript"),
-        ("/?x=1", "text/html"),
+    let page = include_str!("../../src/front/http/page/index.html");
+    for (path, content_type, file) in [
+        ("/", "text/html", page),
+        ("/panel.css", "text/css", include_str!("../../src/front/http/page/panel.css")),
+        ("/panel.js", "text/javascript", include_str!("../../src/front/http/page/panel.js")),
+        ("/?x=1", "text/html", page),
     ] {
         let reply = gateway.ask(&format!("GET {path}"), "");
         assert_eq!(reply.status, 200, "{path}");
         assert!(reply.field("content-type").expect("a type").starts_with(content_type));
         assert!(reply.field("content-security-policy").expect("a policy").contains("default-src 'none'"));
-        assert!(reply.body.len() > 1000);
+        assert!(reply.body == file, "{path}: {} bytes, expected {}", reply.body.len(), file.len());
     }
 }

@@ -3,6 +3,8 @@
 
 mod address;
 mod doors;
+#[cfg(feature = "test-hooks")]
+mod echo;
 mod fault;
 #[cfg(feature = "test-hooks")]
 pub(super) mod hooks;

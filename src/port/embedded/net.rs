@@ -10,8 +10,8 @@ use super::limits::SLOTS;
 use super::socket::{Place, Ports, places};
 use crate::port::Link;
 
-/// One for every client, one for DHCP, one for mDNS.
-const SOCKETS: usize = SLOTS + 2;
+/// One for every client, one for DHCP, one for mDNS; one more for the echo in images for tests.
+const SOCKETS: usize = SLOTS + 2 + cfg!(feature = "test-hooks") as usize;
 
 /// The board's connection to its network.
 pub struct Network(Stack<'static>);
@@ -44,5 +44,7 @@ impl Network {
     pub fn join(&self, spawner: Spawner, address: Address, main: u16, modbus: u16) {
         let join = join(self.0, address, Ports { main, modbus });
         spawner.spawn(join.expect("the network is joined once"));
+        #[cfg(feature = "test-hooks")]
+        spawner.spawn(super::echo::serve(self.0).expect("the network is joined once"));
     }
 }

@@ -78,7 +78,7 @@ pub(in crate::port) fn begin(hardware: Option<Reset>) -> u32 {
 fn holder() -> &'static str {
     match read((&raw const TURN).cast()) {
         BUSES => "the bus tasks held the processor",
-        _ => "the network's tasks held the processor",
+        _ => "the network's tasks or an interrupt held the processor",
     }
 }
 

@@ -11,10 +11,10 @@ use super::{clock, executor, lan9118, line};
 #[repr(u16)]
 pub(super) enum Interrupt {
     Uart1Receive = 2,
-    Uart1Transmit = 3,
     Uart2Receive = 4,
-    Uart2Transmit = 5,
     Timer0 = 8,
+    Timer1 = 9,
+    DualTimer = 10,
     Ethernet = 13,
     /// Spare ones, for the executors: pins of GPIO ports that nothing drives.
     Clients = 30,
@@ -31,10 +31,10 @@ unsafe impl InterruptNumber for Interrupt {
 impl Interrupt {
     const ALL: [Self; 8] = [
         Self::Uart1Receive,
-        Self::Uart1Transmit,
         Self::Uart2Receive,
-        Self::Uart2Transmit,
         Self::Timer0,
+        Self::Timer1,
+        Self::DualTimer,
         Self::Ethernet,
         Self::Clients,
         Self::Buses,
@@ -43,7 +43,7 @@ impl Interrupt {
     /// The lower, the more urgent; the same order as on the Nucleo boards.
     const fn priority(self) -> u8 {
         match self {
-            Self::Uart1Receive | Self::Uart1Transmit | Self::Uart2Receive | Self::Uart2Transmit => 0x00,
+            Self::Uart1Receive | Self::Uart2Receive | Self::Timer1 | Self::DualTimer => 0x00,
             Self::Timer0 => 0x00,
             Self::Buses => 0x60,
             Self::Ethernet => 0x80,
@@ -70,9 +70,11 @@ pub(super) fn enable(interrupt: Interrupt) {
 #[exception]
 unsafe fn DefaultHandler(number: i16) {
     match number {
-        2 | 3 => line::UART1.interrupted(),
-        4 | 5 => line::UART2.interrupted(),
+        2 => line::UART1.received(),
+        4 => line::UART2.received(),
         8 => clock::interrupted(),
+        9 => line::UART1.ticked(),
+        10 => line::UART2.ticked(),
         13 => lan9118::interrupted(),
         30 => executor::clients(),
         31 => executor::buses(),

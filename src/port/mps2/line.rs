@@ -1,15 +1,21 @@
-//! A serial line: a CMSDK UART. QEMU gives its characters no time, so the line itself keeps to the baud rate.
+//! A serial line: a CMSDK UART. QEMU gives its characters no time, so a timer ticks once a character while there are
+//! any, and each tick takes and gives one. The rest is done as on the Nucleo boards: interrupts move characters between
+//! the UART and buffers in memory.
 
+use core::cell::RefCell;
 use core::convert::Infallible;
 use core::future::poll_fn;
 use core::task::Poll;
 
+use embassy_sync::blocking_mutex::Mutex;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::waitqueue::AtomicWaker;
-use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{ErrorType, Read, Write};
+use heapless::Deque;
 use puente_line::Settings;
 
 use super::interrupt::{Interrupt, enable};
+use super::pacer::{LINE_A, LINE_B, Pacer};
 use super::registers::{self, Registers};
 #[cfg(feature = "test-hooks")]
 use crate::port::embedded::hooks;
@@ -24,88 +30,140 @@ const BAUD_DIVIDER: usize = 0x10;
 const TRANSMIT_FULL: u32 = 0b01;
 /// State: a character has come in.
 const RECEIVE_FULL: u32 = 0b10;
-/// Control: transmitter and receiver, each with its interrupt.
-const ENABLE: u32 = 0b1111;
+/// Control: transmitter and receiver,
+const ON: u32 = 0b0011;
+/// and an interrupt for a character that has come in.
+const LISTENING: u32 = ON | 0b1000;
 /// The least that the transmitter works with.
 const LEAST_DIVIDER: u32 = 16;
 const CLOCK: u32 = 25_000_000;
 
+/// Characters that go out in one piece.
+const TRANSMIT: usize = 520;
+/// Characters received and not yet read.
+const RECEIVE: usize = 1024;
+
+/// What is between the line and the UART.
+struct Buffers {
+    outgoing: Deque<u8, TRANSMIT>,
+    incoming: Deque<u8, RECEIVE>,
+    /// The last character that went out has had no time yet.
+    sending: bool,
+    /// The timer ticks.
+    ticking: bool,
+}
+
 /// A UART and who waits for it.
 pub(super) struct Uart {
     registers: Registers,
+    pacer: Pacer,
     interrupts: [Interrupt; 2],
+    buffers: Mutex<CriticalSectionRawMutex, RefCell<Buffers>>,
     reader: AtomicWaker,
     writer: AtomicWaker,
 }
 
 pub(super) static UART1: Uart =
-    Uart::new(registers::UART1, [Interrupt::Uart1Receive, Interrupt::Uart1Transmit]);
+    Uart::new(registers::UART1, LINE_A, [Interrupt::Uart1Receive, Interrupt::Timer1]);
 pub(super) static UART2: Uart =
-    Uart::new(registers::UART2, [Interrupt::Uart2Receive, Interrupt::Uart2Transmit]);
+    Uart::new(registers::UART2, LINE_B, [Interrupt::Uart2Receive, Interrupt::DualTimer]);
 
 impl Uart {
-    const fn new(registers: Registers, interrupts: [Interrupt; 2]) -> Self {
-        Self { registers, interrupts, reader: AtomicWaker::new(), writer: AtomicWaker::new() }
+    const fn new(registers: Registers, pacer: Pacer, interrupts: [Interrupt; 2]) -> Self {
+        let buffers =
+            Buffers { outgoing: Deque::new(), incoming: Deque::new(), sending: false, ticking: false };
+        Self {
+            registers,
+            pacer,
+            interrupts,
+            buffers: Mutex::new(RefCell::new(buffers)),
+            reader: AtomicWaker::new(),
+            writer: AtomicWaker::new(),
+        }
     }
 
-    /// Either interrupt: somebody may go on. A character that nobody fetches raises none again.
-    pub(super) fn interrupted(&self) {
+    fn with<R>(&self, f: impl FnOnce(&mut Buffers) -> R) -> R {
+        self.buffers.lock(|buffers| f(&mut buffers.borrow_mut()))
+    }
+
+    /// A character has come in while there were none. Those that follow have to wait for their time.
+    pub(super) fn received(&self) {
         self.registers.write(INTERRUPT_CLEAR, 0b11);
-        self.reader.wake();
-        self.writer.wake();
+        self.with(|buffers| {
+            self.take(buffers);
+            self.tick_on(buffers);
+        });
     }
 
-    /// Waits until a character has come in.
-    async fn received(&self) {
-        poll_fn(|context| {
-            self.reader.register(context.waker());
-            self.ready(RECEIVE_FULL, RECEIVE_FULL)
-        })
-        .await
+    /// The time of a character is over.
+    pub(super) fn ticked(&self) {
+        self.pacer.clear();
+        self.with(|buffers| {
+            let received = self.take(buffers);
+            let sent = self.registers.read(STATE) & TRANSMIT_FULL == 0;
+            if sent {
+                self.send(buffers);
+            }
+            if !received && sent && !buffers.sending {
+                buffers.ticking = false;
+                self.pacer.stop();
+                self.registers.write(CONTROL, LISTENING);
+                // No interrupt tells of one that has come in just before.
+                if self.take(buffers) {
+                    self.tick_on(buffers);
+                }
+            }
+        });
     }
 
-    /// Waits until there is room for a character.
-    async fn room(&self) {
-        poll_fn(|context| {
-            self.writer.register(context.waker());
-            self.ready(TRANSMIT_FULL, 0)
-        })
-        .await
+    /// Takes a character, where there is one.
+    fn take(&self, buffers: &mut Buffers) -> bool {
+        let received = self.registers.read(STATE) & RECEIVE_FULL != 0;
+        if received {
+            // Where there is no room it is lost, as characters are that nobody fetches.
+            let _ = buffers.incoming.push_back(self.registers.read(DATA) as u8);
+            self.reader.wake();
+        }
+        received
     }
 
-    fn ready(&self, bit: u32, wanted: u32) -> Poll<()> {
-        if self.registers.read(STATE) & bit == wanted { Poll::Ready(()) } else { Poll::Pending }
+    /// Gives the UART the next character, where there is one.
+    fn send(&self, buffers: &mut Buffers) {
+        let next = buffers.outgoing.pop_front();
+        if let Some(character) = next {
+            self.registers.write(DATA, u32::from(character));
+        } else if buffers.sending {
+            self.writer.wake();
+        }
+        buffers.sending = next.is_some();
+    }
+
+    /// From now on there is a tick for each character, until there are no more.
+    fn tick_on(&self, buffers: &mut Buffers) {
+        if !buffers.ticking {
+            buffers.ticking = true;
+            self.registers.write(CONTROL, ON);
+            self.pacer.run();
+        }
     }
 }
 
 /// An open line.
 pub struct Line {
     uart: &'static Uart,
-    /// Time of a character.
-    character: Duration,
     /// Bits that are data.
     mask: u8,
-    /// When the next character may be complete that comes in.
-    complete: Instant,
-    /// When the last character has gone out.
-    free: Instant,
 }
 
 impl Line {
     /// Opens a UART. The format counts for the time of a character only: QEMU carries whole bytes.
     pub(super) fn new(uart: &'static Uart, settings: Settings) -> Self {
-        let now = Instant::now();
         let divider = CLOCK / settings.baud.max(1);
         uart.registers.write(BAUD_DIVIDER, divider.max(LEAST_DIVIDER));
-        uart.registers.write(CONTROL, ENABLE);
+        uart.registers.write(CONTROL, LISTENING);
+        uart.pacer.set(settings.wire_time(1));
         uart.interrupts.into_iter().for_each(enable);
-        Self {
-            uart,
-            character: Duration::from_micros(settings.wire_time(1).as_micros() as u64),
-            mask: if settings.format.data_bits == 7 { 0x7F } else { 0xFF },
-            complete: now,
-            free: now,
-        }
+        Self { uart, mask: if settings.format.data_bits == 7 { 0x7F } else { 0xFF } }
     }
 }
 
@@ -114,38 +172,49 @@ impl ErrorType for Line {
 }
 
 impl Read for Line {
-    /// Waits for a character, and until the line could have carried it. QEMU keeps those that are to follow.
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
-        let Some(to) = buffer.first_mut() else { return Ok(0) };
         #[cfg(feature = "test-hooks")]
         hooks::reading();
-        self.uart.received().await;
-        Timer::at(self.complete).await;
-        // Nothing waits after this: a future that is dropped before has taken nothing.
-        *to = self.uart.registers.read(DATA) as u8 & self.mask;
-        self.complete = Instant::now() + self.character;
-        Ok(1)
+        poll_fn(|context| {
+            self.uart.reader.register(context.waker());
+            let length = self.uart.with(|buffers| {
+                let received = core::iter::from_fn(|| buffers.incoming.pop_front());
+                buffer.iter_mut().zip(received).map(|(to, from)| *to = from & self.mask).count()
+            });
+            if length == 0 && !buffer.is_empty() { Poll::Pending } else { Poll::Ready(Ok(length)) }
+        })
+        .await
     }
 }
 
 impl Write for Line {
-    /// Sends all of it, each character in its time.
+    /// Waits until the line is quiet, then starts to send up to a whole frame.
     async fn write(&mut self, characters: &[u8]) -> Result<usize, Infallible> {
         #[cfg(feature = "test-hooks")]
         hooks::writing().await;
-        for &character in characters {
-            Timer::at(self.free).await;
-            self.uart.room().await;
-            self.uart.registers.write(DATA, u32::from(character & self.mask));
-            self.free = Instant::now() + self.character;
-        }
-        Ok(characters.len())
+        self.flush().await?;
+        let piece = characters.get(..TRANSMIT).unwrap_or(characters);
+        self.uart.with(|buffers| {
+            for character in piece {
+                // There is room: the buffer is empty, and as long as the piece at least.
+                let _ = buffers.outgoing.push_back(character & self.mask);
+            }
+            if !buffers.ticking {
+                self.uart.send(buffers);
+            }
+            self.uart.tick_on(buffers);
+        });
+        Ok(piece.len())
     }
 
     /// Waits until the last stop bit would be on the line.
     async fn flush(&mut self) -> Result<(), Infallible> {
-        Timer::at(self.free).await;
-        Ok(())
+        poll_fn(|context| {
+            self.uart.writer.register(context.waker());
+            let quiet = self.uart.with(|buffers| buffers.outgoing.is_empty() && !buffers.sending);
+            if quiet { Poll::Ready(Ok(())) } else { Poll::Pending }
+        })
+        .await
     }
 }
 

@@ -11,6 +11,7 @@ mod leds;
 mod line;
 mod lines;
 mod log;
+mod pacer;
 mod registers;
 mod stack;
 mod watchdog;

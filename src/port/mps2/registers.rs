@@ -5,6 +5,7 @@
 pub(super) struct Registers(usize);
 
 pub(super) const TIMER0: Registers = Registers(0x4000_0000);
+pub(super) const TIMER1: Registers = Registers(0x4000_1000);
 pub(super) const DUALTIMER: Registers = Registers(0x4000_2000);
 pub(super) const UART1: Registers = Registers(0x4000_5000);
 pub(super) const UART2: Registers = Registers(0x4000_6000);

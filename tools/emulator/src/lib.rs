@@ -5,11 +5,12 @@
 mod monitor;
 
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
-use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -20,6 +21,8 @@ pub const QEMU: &str = "qemu-system-arm";
 
 /// How long the firmware may take until it answers, on a slow and busy machine.
 const START: Duration = Duration::from_secs(60);
+/// How long a firmware may take that logs nothing until it is asked all the same.
+const SILENCE: Duration = Duration::from_secs(3);
 /// How often other ports are tried where somebody else was faster.
 const ATTEMPTS: usize = 5;
 
@@ -40,23 +43,36 @@ pub struct Setup {
     pub ethernet: Option<SocketAddr>,
     /// The user button is held, at every start.
     pub button: bool,
+    /// A plugin of QEMU with its options, as QEMU takes it.
+    pub plugin: Option<String>,
 }
 
 impl Setup {
     /// `image` with a device on RS-485 a, on free ports.
     pub fn new(image: impl Into<PathBuf>, line: SocketAddr) -> Self {
-        Self { image: image.into(), lines: [Some(line), None], ports: [0, 0], ethernet: None, button: false }
+        Self {
+            image: image.into(),
+            lines: [Some(line), None],
+            ports: [0, 0],
+            ethernet: None,
+            button: false,
+            plugin: None,
+        }
     }
 }
 
 /// A running board. It ends with this value, and with the thread that started it.
 pub struct Emulator {
     child: Child,
+    /// The firmware has said something.
+    speaks: Arc<AtomicBool>,
     monitor: Monitor,
     /// Where this machine reaches the firmware's port of every dialect.
     pub main: SocketAddr,
     /// Where it reaches the firmware's port of Modbus/TCP alone.
     pub modbus: SocketAddr,
+    /// Where it reaches the echo of a firmware that is built for tests.
+    pub echo: SocketAddr,
 }
 
 impl Emulator {
@@ -97,17 +113,18 @@ impl Emulator {
         self.child.wait()
     }
 
-    /// QEMU takes connections before the firmware does: only an answer tells that it is there.
+    /// QEMU takes connections before the firmware does: only an answer tells that it is there. What QEMU could not pass
+    /// on to it is repeated after seconds only, so that nothing is asked before the firmware has said its first word.
     fn answers(&mut self) -> Result<(), Silent> {
         let start = Instant::now();
         while start.elapsed() < START {
             if let Some(status) = self.ended() {
                 return Err(Silent::Ended(status));
             }
-            if answers(self.main) {
+            if (self.speaks.load(Ordering::Relaxed) || start.elapsed() > SILENCE) && answers(self.main) {
                 return Ok(());
             }
-            thread::sleep(Duration::from_millis(20));
+            thread::sleep(Duration::from_millis(5));
         }
         Err(Silent::Late)
     }
@@ -136,26 +153,27 @@ pub fn tie(command: &mut Command) -> &mut Command {
     unsafe { command.pre_exec(tie) }
 }
 
-/// The ports of this machine, chosen by the system where they are 0.
-fn free(ports: [u16; 2]) -> Result<[SocketAddr; 2], String> {
+/// The ports of this machine, chosen by the system where they are 0, and one more.
+fn free([main, modbus]: [u16; 2]) -> Result<[SocketAddr; 3], String> {
     // Held together, lest the second be the first again.
     let bind = |port| {
         TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(|error| format!("port {port}: {error}"))
     };
-    let held = [bind(ports[0])?, bind(ports[1])?];
+    let held = [bind(main)?, bind(modbus)?, bind(0)?];
     let address = |held: &TcpListener| held.local_addr().map_err(|error| error.to_string());
-    Ok([address(&held[0])?, address(&held[1])?])
+    Ok([address(&held[0])?, address(&held[1])?, address(&held[2])?])
 }
 
 fn launch(
     setup: &Setup,
-    [main, modbus]: [SocketAddr; 2],
+    [main, modbus, echo]: [SocketAddr; 3],
     log: Arc<impl Fn(&str) + Send + Sync + 'static>,
 ) -> Result<Emulator, String> {
     let mut qemu = Command::new(QEMU);
     qemu.args(["-machine", "mps2-an500", "-display", "none", "-monitor", "none", "-qmp", "stdio"]);
-    qemu.arg("-netdev")
-        .arg(format!("user,id=user,restrict=on,hostfwd=tcp:{main}-:80,hostfwd=tcp:{modbus}-:502"));
+    let ports = [(main, 80), (modbus, 502), (echo, 7)];
+    let forwarded = ports.map(|(here, there)| format!(",hostfwd=tcp:{here}-:{there}")).concat();
+    qemu.arg("-netdev").arg(format!("user,id=user,restrict=on{forwarded}"));
     let nic = match setup.ethernet {
         None => "user",
         Some(peer) => {
@@ -181,16 +199,25 @@ fn launch(
     if setup.button {
         qemu.arg("-device").arg(format!("loader,addr={BUTTON:#x},data=1,data-len=4"));
     }
+    if let Some(plugin) = &setup.plugin {
+        qemu.arg("-plugin").arg(plugin);
+    }
     qemu.args(["-semihosting-config", "enable=on,target=native"]).arg("-kernel").arg(&setup.image);
     qemu.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = tie(&mut qemu).spawn().map_err(|error| format!("{QEMU}: {error}"))?;
+    let speaks = Arc::new(AtomicBool::new(false));
     if let Some(stderr) = child.stderr.take() {
+        let speaks = speaks.clone();
         thread::spawn(move || {
-            BufReader::new(stderr).lines().map_while(Result::ok).for_each(|line| log(&line));
+            for line in BufReader::new(stderr).lines().map_while(Result::ok) {
+                // QEMU itself says things too.
+                speaks.fetch_or(line.starts_with('['), Ordering::Relaxed);
+                log(&line);
+            }
         });
     }
     let monitor = Monitor::new(child.stdin.take(), child.stdout.take());
-    Ok(Emulator { child, monitor, main, modbus })
+    Ok(Emulator { child, speaks, monitor, main, modbus, echo })
 }
 
 /// Whether a console command is answered.
@@ -199,9 +226,11 @@ fn answers(main: SocketAddr) -> bool {
         let mut stream = TcpStream::connect(main)?;
         stream.set_read_timeout(Some(Duration::from_millis(500)))?;
         stream.write_all(b"feed\r\n")?;
-        let mut reply = [0; 2];
-        stream.read_exact(&mut reply)?;
-        if &reply == b"ok" { Ok(()) } else { Err(std::io::Error::from(ErrorKind::InvalidData)) }
+        stream.shutdown(Shutdown::Write)?;
+        let mut reply = Vec::new();
+        // To the end: nobody is to find a client that is about to go.
+        stream.read_to_end(&mut reply)?;
+        if reply.starts_with(b"ok") { Ok(()) } else { Err(std::io::Error::from(ErrorKind::InvalidData)) }
     };
     ask().is_ok()
 }

@@ -1,5 +1,6 @@
 //! `cargo xtask emulate`: the firmware on an emulated board, with the simulated cell on its line.
 
+use std::fs;
 use std::io::{BufRead, BufReader};
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -9,9 +10,12 @@ use puente_emulator::{Emulator, QEMU, Setup, tie};
 
 use crate::Outcome;
 use crate::board::{Board, EMULATED};
-use crate::command::{Options, cargo, install_debian, program, run as run_command, target_dir, works};
+use crate::command::{Options, cargo, install_debian, program, root, run as run_command, target_dir, works};
 use crate::cross::Cross;
 use crate::firmware;
+
+/// How a test file begins that has nothing to do on a board; the reason follows.
+const HOST_ALONE: &str = "//! Host alone: ";
 
 /// The ports that the gateway has on a PC.
 const PORTS: [u16; 2] = [8080, 8502];
@@ -43,9 +47,28 @@ pub fn run(arguments: &[String]) -> Outcome {
 /// The scenarios that the host's gateway passes in `cargo test`, on the emulated board, and those of a board alone.
 pub fn test() -> Outcome {
     let image = image(firmware::build_for_tests)?;
+    let mut tests = cargo();
+    tests.args(["test", "--package", "puente", "--quiet", "--no-fail-fast"]).env("PUENTE_IMAGE", image);
+    for name in scenarios().map_err(|error| format!("tests: {error}"))? {
+        tests.args(["--test", &name]);
+    }
     // Each test has a board of its own.
-    let arguments = ["test", "--package", "puente", "--test", "targets", "--test", "board", "--quiet"];
-    run_command(cargo().args(arguments).args(["--", "--test-threads=2"]).env("PUENTE_IMAGE", image))
+    run_command(tests.args(["--", "--test-threads=2"]))
+}
+
+/// The files and folders of tests/ that a board passes: all whose first line does not say that they are of the host alone.
+fn scenarios() -> std::io::Result<Vec<String>> {
+    let mut names = Vec::new();
+    for entry in fs::read_dir(root().join("tests"))? {
+        let path = entry?.path();
+        let file = if path.is_dir() { path.join("main.rs") } else { path.clone() };
+        let is_test = file.extension().is_some_and(|extension| extension == "rs") && file.is_file();
+        if is_test && !fs::read_to_string(&file)?.starts_with(HOST_ALONE) {
+            names.extend(path.file_stem().map(|name| name.to_string_lossy().into_owned()));
+        }
+    }
+    names.sort();
+    Ok(names)
 }
 
 /// Builds the image, and makes sure of QEMU.

@@ -152,8 +152,9 @@ impl Master {
             if self.echo_left > 0 && self.take_echo(byte) {
                 continue;
             }
-            let heard = self.receiver.push(now, byte, &self.request);
-            self.take_frames(now, heard);
+            if let Some(heard) = self.receiver.push(now, byte, &self.request) {
+                self.take_frames(now, Some(heard));
+            }
         }
     }
 

@@ -46,18 +46,23 @@ impl Receiver {
             }
             Self::Ascii { decoder, tail, garbage } => {
                 let length = decoder.pending() as u32 + 1;
-                let result = decoder.push(now, byte);
-                *tail = match (&result, byte, *tail) {
-                    (Some(Ok(_)), ..) => Tail::Clean,
-                    (Some(Err(_)), ..) => Tail::Told,
-                    (None, b':', _) | (None, _, Tail::Clean) => Tail::Untold,
-                    (None, _, tail) => tail,
-                };
                 *garbage = garbage.wrapping_add(1);
-                if let Some(Ok(_)) = result {
+                // Most characters end nothing: no frame is moved for them.
+                let Some(result) = decoder.push(now, byte) else {
+                    *tail = match (byte, *tail) {
+                        (b':', _) | (_, Tail::Clean) => Tail::Untold,
+                        (_, tail) => tail,
+                    };
+                    return None;
+                };
+                *tail = match &result {
+                    Ok(_) => Tail::Clean,
+                    Err(_) => Tail::Told,
+                };
+                if result.is_ok() {
                     *garbage = garbage.wrapping_sub(length);
                 }
-                result
+                Some(result)
             }
         }
     }

@@ -1,0 +1,87 @@
+//! The settings of a gateway that is to be started.
+
+use std::fmt::Write as _;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use puente_line::Settings;
+use puente_modbus::Mode;
+
+use super::wire::{Place, Wire};
+use super::{Gateway, target};
+
+/// A settings document without what depends on the target: where its lines and its network are.
+#[derive(Default)]
+pub struct Document {
+    net: String,
+    buses: Vec<Bus>,
+    axes: String,
+}
+
+struct Bus {
+    place: Place,
+    live: Arc<AtomicBool>,
+    keys: String,
+}
+
+impl Document {
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// With more keys of `[net]`.
+    pub fn net(mut self, keys: &str) -> Self {
+        self.net = self.net + keys + "\n";
+        self
+    }
+
+    /// With a bus whose line is this wire, and `more` keys of it. The first bus of a board is on RS-485 a, the second on b.
+    pub fn bus<D>(mut self, name: &str, mode: Mode, line: Settings, wire: &Wire<D>, more: &str) -> Self {
+        let protocol = match mode {
+            Mode::Rtu => "modbus-rtu",
+            Mode::Ascii => "modbus-ascii",
+        };
+        let Settings { baud, format } = line;
+        let mut keys = format!(
+            "name = \"{name}\"\nprotocol = \"{protocol}\"\nbaud = {baud}\nformat = \"{format}\"\n{more}\n"
+        );
+        if !more.contains("reply_timeout_ms") {
+            let _ = writeln!(keys, "reply_timeout_ms = {}", target().reply_timeout_ms);
+        }
+        self.buses.push(Bus { place: wire.place.clone(), live: wire.live.clone(), keys });
+        self
+    }
+
+    /// With an EDB drive on a bus, and `more` keys of its axis.
+    pub fn axis(mut self, name: &str, bus: &str, address: u8, more: &str) -> Self {
+        let _ = write!(
+            self.axes,
+            "[[axis]]\nname = \"{name}\"\nbus = \"{bus}\"\ndrive = \"edb\"\naddress = {address}\n{more}\n"
+        );
+        self
+    }
+
+    /// Starts a gateway with it.
+    pub fn start(self) -> Gateway {
+        Gateway::start(&self)
+    }
+
+    /// Where its lines end.
+    pub(super) fn places(&self) -> impl Iterator<Item = &Place> {
+        self.buses.iter().map(|bus| &bus.place)
+    }
+
+    /// Puts the devices on its lines, where a board has had those of its factory.
+    pub(super) fn go_live(&self) {
+        self.buses.iter().for_each(|bus| bus.live.store(true, Ordering::Relaxed));
+    }
+
+    /// The whole of it, with the target's names of the lines.
+    pub(super) fn text(&self, ports: &[String]) -> String {
+        let mut text = format!("[net]\n{}", self.net);
+        for (bus, port) in self.buses.iter().zip(ports) {
+            let _ = writeln!(text, "[[bus]]\nport = \"{port}\"\n{}", bus.keys);
+        }
+        text + &self.axes
+    }
+}
