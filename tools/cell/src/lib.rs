@@ -16,6 +16,8 @@
 //! assert_eq!(cell.poll(Instant::from_millis(100)).unwrap(), b":01030201A455\r\n".as_slice());
 //! ```
 //!
+//! [`table`] is another cell: the coordinate table, whose axes have PID interface modules.
+//!
 //! Left out: ESTUN drives answer the first two communication faults in a row with an error frame and drop the third
 //! silently; the cell drops every frame whose check does not match. The two directions do not collide: a reply that
 //! comes late is seen whole, even while the master sends.
@@ -30,6 +32,7 @@ mod line;
 mod log;
 mod motor;
 mod profile;
+pub mod table;
 
 pub use cell::{Cell, Config};
 pub use drive::{Drive, DriveConfig};
