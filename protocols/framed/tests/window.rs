@@ -200,9 +200,10 @@ impl Ether {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Whatever is lost or repeated: every message once, in order.
+    /// Whatever is lost or repeated: every message once, in order. Of 256 frames so many are lost that all tries of one
+    /// fail with no likelihood worth mentioning: with 91, that was seen, and reported as it has to be.
     #[test]
-    fn nothing_is_lost_or_repeated(lost in 0..100_u8, repeated in 0..100_u8, seed in any::<u32>()) {
+    fn nothing_is_lost_or_repeated(lost in 0..40_u8, repeated in 0..100_u8, seed in any::<u32>()) {
         let mut ether = Ether::new(Fate { lost, repeated, restart: 0 }, seed.into());
         ether.run(300);
         prop_assert_eq!(&ether.received, &(0..300).collect::<Vec<_>>());
