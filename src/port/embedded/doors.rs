@@ -32,9 +32,15 @@ impl Side {
         self.waiting > 0 || self.idle < KEPT
     }
 
-    /// Whether it can spare a place for `other`: the last ones too, where somebody waits there.
+    /// Whether it can spare a place for `other`: its last one where somebody waits there, its last but one where there is
+    /// none.
     fn can_give(self, other: Self) -> bool {
-        self.waiting == 0 && self.idle > if other.waiting > 0 { 0 } else { KEPT }
+        let kept = match other {
+            Self { waiting: 1.., .. } => 0,
+            Self { idle: 0, .. } => 1,
+            _ => KEPT,
+        };
+        self.waiting == 0 && self.idle > kept
     }
 }
 
