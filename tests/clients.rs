@@ -44,13 +44,17 @@ fn sixteen_clients_are_served_and_the_seventeenth_may_stop_and_no_more() {
     let seventeenth = |command| say(rig.gateway.main, command);
     for command in ["axis x status", "feed", "axis x jog 10", "axis y enable", "help", "bus a scan 1-3"] {
         assert!(seventeenth(command).starts_with("error full "), "{command}");
+        commander.ok("feed");
     }
     for port in [rig.gateway.main, rig.gateway.modbus] {
         assert_eq!(visit(port, &mbap(1, 1, &read_pdu(FORWARD, 1))), mbap(1, 1, &[0x83, 6]));
+        // Who comes to the other door of a board may have to wait for a place there.
+        commander.ok("feed");
         assert_eq!(visit(port, &mbap(2, 2, &write_pdu(FORWARD, 1))), mbap(2, 2, &[0x86, 6]));
         commander.ok("feed");
     }
     assert_eq!(status(rig.gateway.main, "GET /api/axes"), 503);
+    commander.ok("feed");
     assert!(rig.turns());
 
     assert!(seventeenth("axis x stop").starts_with("ok "));

@@ -26,8 +26,10 @@ use sniff::Dialect;
 
 /// A new client must say its first bytes within this time.
 const FIRST_BYTES: embassy_time::Duration = embassy_time::Duration::from_secs(10);
-/// A client over the limit may stay this long, to stop an axis.
+/// A client over the limit may stay this long, to stop an axis,
 const STOP_VISIT: embassy_time::Duration = embassy_time::Duration::from_secs(2);
+/// and must say its first bytes within this time: others may wait behind it for the same.
+const STOP_FIRST_BYTES: embassy_time::Duration = embassy_time::Duration::from_secs(1);
 /// A client that does not take its replies for so long is dropped.
 const SLOW_READER: embassy_time::Duration = embassy_time::Duration::from_secs(5);
 
@@ -188,11 +190,12 @@ impl End {
 
 async fn attend<S: Socket>(gateway: &'static Gateway, guest: Guest, socket: &mut S) -> End {
     let door = socket.door();
+    let first_bytes = if guest.stop_only { STOP_FIRST_BYTES } else { FIRST_BYTES };
     let (reader, mut writer) = socket.split();
     let mut inbox = Inbox::new(reader, gateway.desk, guest.connection);
     let dialect = match door {
         Door::Modbus => Ok(Dialect::ModbusTcp),
-        Door::Main => match with_timeout(FIRST_BYTES, listen(&mut inbox)).await {
+        Door::Main => match with_timeout(first_bytes, listen(&mut inbox)).await {
             Ok(dialect) => dialect,
             Err(_) => Err(End::Idle),
         },

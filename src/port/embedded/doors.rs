@@ -13,7 +13,7 @@ use embassy_sync::watch::{Receiver, Watch};
 use super::limits::SLOTS;
 use crate::port::Door;
 
-/// Idle places that a door keeps.
+/// Idle places that a door keeps while nobody waits at the other one.
 const KEPT: usize = 2;
 
 /// A door.
@@ -32,8 +32,15 @@ impl Side {
         self.waiting > 0 || self.idle < KEPT
     }
 
-    fn can_give(self) -> bool {
-        self.waiting == 0 && self.idle > KEPT
+    /// Whether it can spare a place for `other`: its last one where somebody waits there, its last but one where there is
+    /// none.
+    fn can_give(self, other: Self) -> bool {
+        let kept = match other {
+            Self { waiting: 1.., .. } => 0,
+            Self { idle: 0, .. } => 1,
+            _ => KEPT,
+        };
+        self.waiting == 0 && self.idle > kept
     }
 }
 
@@ -108,8 +115,8 @@ impl Post {
     pub(super) fn moves(&mut self) -> bool {
         let [main, modbus] = SIDES.lock(Cell::get);
         let to = match self.door {
-            Some(Door::Main) if modbus.wants() && main.can_give() => Door::Modbus,
-            Some(Door::Modbus) if main.wants() && modbus.can_give() => Door::Main,
+            Some(Door::Main) if modbus.wants() && main.can_give(modbus) => Door::Modbus,
+            Some(Door::Modbus) if main.wants() && modbus.can_give(main) => Door::Main,
             _ => return false,
         };
         change(to, |side, other| {
