@@ -1,25 +1,15 @@
 //! What only NUCLEO-F429ZI has (MB1137).
 
 use embassy_stm32::adc::SampleTime;
-use embassy_stm32::rcc::{
-    AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllMul, PllPDiv, PllPreDiv, PllQDiv, PllSource, Sysclk,
-};
-use embassy_stm32::time::Hertz;
+use embassy_stm32::rcc::{PllMul, PllQDiv};
 use embassy_stm32::{Config, bind_interrupts, pac, peripherals, rng};
 
-pub(super) use embassy_stm32::peripherals::{ADC1 as TemperatureAdc, CAN1, CAN2};
+use super::mb1137::clocks;
+pub(super) use super::mb1137::{CAN1, CAN2, TemperatureAdc, own};
 
 bind_interrupts!(pub(super) struct RandomInterrupt {
     HASH_RNG => rng::InterruptHandler<peripherals::RNG>;
 });
-
-/// What only this board has in its place: the pin of LD2, blue, and the ADC of the temperature sensor.
-macro_rules! own {
-    ($peripherals:ident) => {
-        Own { ld2: $peripherals.PB7.into(), adc: $peripherals.ADC1 }
-    };
-}
-pub(super) use own;
 
 /// Where the chip has the conversions of its temperature sensor at 30 and at 110 degrees Celsius (data sheet).
 pub(super) const CALIBRATION: [usize; 2] = [0x1FFF_7A2C, 0x1FFF_7A2E];
@@ -29,22 +19,7 @@ pub(super) const SAMPLE: SampleTime = SampleTime::CYCLES480;
 /// 168 MHz processor and buses, 42 and 84 MHz peripherals, 48 MHz for the random numbers, from the 8 MHz that the
 /// ST-LINK supplies. 180 MHz, the most that the chip can do, would leave no 48 MHz.
 pub(super) fn config() -> Config {
-    let mut config = Config::default();
-    let rcc = &mut config.rcc;
-    rcc.hse = Some(Hse { freq: Hertz::mhz(8), mode: HseMode::Bypass });
-    rcc.pll_src = PllSource::HSE;
-    rcc.pll = Some(Pll {
-        prediv: PllPreDiv::DIV4,
-        mul: PllMul::MUL168,
-        divp: Some(PllPDiv::DIV2),
-        divq: Some(PllQDiv::DIV7),
-        divr: None,
-    });
-    rcc.sys = Sysclk::PLL1_P;
-    rcc.ahb_pre = AHBPrescaler::DIV1;
-    rcc.apb1_pre = APBPrescaler::DIV4;
-    rcc.apb2_pre = APBPrescaler::DIV2;
-    config
+    clocks(PllMul::MUL168, PllQDiv::DIV7)
 }
 
 /// Switches the caches of the flash on, which has wait states (RM0090, FLASH_ACR). All memory is always clocked here.

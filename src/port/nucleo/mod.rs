@@ -12,6 +12,8 @@ mod line;
 mod lines;
 mod log;
 mod mac;
+#[cfg(any(feature = "nucleo-f767zi", feature = "nucleo-f429zi"))]
+mod mb1137;
 mod net;
 mod reset;
 mod temperature;
