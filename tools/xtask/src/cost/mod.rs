@@ -5,6 +5,7 @@
 
 mod profile;
 mod rig;
+mod steps;
 mod transactions;
 
 use std::thread;
@@ -45,6 +46,15 @@ pub fn run(arguments: &[String]) -> Outcome {
     let write = options.flag("--write");
     let profiled = options.value("--profile")?;
     options.end()?;
+    if profiled.is_none() {
+        let (table, over) = steps::run()?;
+        if write {
+            steps::TABLE.write(&table)?;
+        }
+        if let Some(over) = over {
+            return Err(over);
+        }
+    }
     let rig = Rig::start()?;
     if let Some(name) = profiled {
         let transaction = ALL.iter().find(|transaction| transaction.short == name);

@@ -10,7 +10,7 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::watch::{Receiver, Watch};
 
-use super::limits::SLOTS;
+use crate::port::embedded::limits::SLOTS;
 use crate::port::Door;
 
 /// Idle places that a door keeps while nobody waits at the other one.
