@@ -52,6 +52,27 @@ name = "y"
 bus = "b"
 drive = "edb"
 address = 1
+[[bus]]
+name = "f"
+protocol = "framed"
+port = "tcp:192.0.2.1:7002"
+baud = 500000
+format = "8N1"
+station = 3
+policy = "thesis"
+cycle_ms = 5
+ipg = 4
+slot = 16
+attempts = 12
+window = 2
+echo = "off"
+[[axis]]
+name = "z"
+bus = "f"
+drive = "pid"
+address = 17
+payload = "binary"
+gains = [0.5, 0.25, 0.0]
 "#;
 
 /// Exit code, standard output, standard error.
@@ -164,6 +185,16 @@ fn bad_settings_are_refused_with_their_place() {
         ("quarantine_ms = 150", "quarantine_ms = 60001", &["[[bus]] \"a\" quarantine_ms"]),
         ("queue_timeout_ms = 2000", "queue_timeout_ms = 1", &["[[bus]] \"a\" queue_timeout_ms"]),
         ("echo = \"verify\"", "echo = \"on\"", &["22", "echo"]),
+        ("station = 3", "station = 0", &["[[bus]] \"f\" station", "1 to 254"]),
+        ("policy = \"thesis\"", "policy = \"token\"", &["policy", "truncated"]),
+        ("slot = 16", "slot = 16\nunits = \"1\"", &["[[bus]] \"f\" units", "no such key"]),
+        ("rest_ms = 2", "rest_ms = 2\nwindow = 1", &["[[bus]] \"a\" window", "no such key"]),
+        ("echo = \"off\"", "echo = \"strip\"", &["[[bus]] \"f\" echo", "verify"]),
+        ("payload = \"binary\"", "max_rpm = 1", &["[[axis]] \"z\" max_rpm", "no such key"]),
+        ("gains = [0.5, 0.25, 0.0]", "gains = [0.5, 0.25]", &["gains"]),
+        ("gains = [0.5, 0.25, 0.0]", "gains = [0.5, -1, 0]", &["[[axis]] \"z\" gains", "three numbers"]),
+        ("bus = \"f\"\n", "bus = \"b\"\n", &["[[axis]] \"z\" drive", "edb"]),
+        ("address = 17", "address = 3", &["[[axis]] \"z\" address", "station"]),
         ("name = \"y\"", "name = \"x\"", &["[[axis]] \"x\" name", "unique"]),
         ("bus = \"b\"\n", "bus = \"c\"\n", &["[[axis]] \"y\" bus", "\"c\""]),
         ("bus = \"b\"\n", "bus = \"a\"\n", &["[[axis]] \"y\" address", "\"x\""]),

@@ -113,7 +113,7 @@ static DESK: Desk = Desk::new();
 fn gateway() -> &'static Gateway {
     let settings: &Settings = Box::leak(Box::new(Settings::factory()));
     let buses = settings.buses.iter().map(|bus| BusSpec {
-        units: bus.units,
+        units: bus.modbus().expect("a Modbus bus").units,
         queue_timeout: Duration::from_secs(3),
         reply_timeout: Duration::from_millis(500),
     });
@@ -123,7 +123,7 @@ fn gateway() -> &'static Gateway {
         bus: 0,
         bus_name: axis.bus.clone(),
         address: axis.address,
-        max_rpm: axis.max_rpm,
+        max_rpm: 3000,
         registers: Default::default(),
     });
     let axes = Axes::new(&DESK, axes);

@@ -5,10 +5,11 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use embassy_executor::Executor;
+use puente_modbus::Mode;
 use static_cell::StaticCell;
 
 use super::options::{Action, Options, USAGE};
-use super::{InForce, bus_task, front_task, keeper_task, line_settings, master, mode, watch_task};
+use super::{InForce, bus_task, front_task, keeper_task, line_settings, modbus, mode, watch_task};
 use crate::clock;
 use crate::front::Gateway;
 use crate::port::host::{Doors, LineSpec, exact_timers, start_log};
@@ -95,7 +96,7 @@ fn lines(settings: &Settings) -> Result<Vec<LineSpec>, String> {
 fn simulated(settings: &Settings, bus: &Bus) -> puente_cell::Config {
     let of_bus = settings.axes.iter().filter(|axis| axis.bus == bus.name);
     let addresses: Vec<u8> = of_bus.map(|axis| axis.address).collect();
-    puente_cell::Config::new(mode(bus), line_settings(bus), &addresses)
+    puente_cell::Config::new(mode(bus).unwrap_or(Mode::Ascii), line_settings(bus), &addresses)
 }
 
 fn run(options: &Options, base: Settings) -> ExitCode {
@@ -151,10 +152,10 @@ fn buses(gateway: &'static Gateway, lines: Vec<LineSpec>) -> ! {
     static EXECUTOR: StaticCell<Executor> = StaticCell::new();
     EXECUTOR.init(Executor::new()).run(|spawner| {
         for ((index, spec), bus) in (0..).zip(lines).zip(&gateway.settings.buses) {
-            spawner.spawn(
-                bus_task(gateway.desk, index, Line::new(spec), master(gateway.settings, bus))
-                    .expect("one task a bus"),
-            );
+            if let Some(master) = modbus(gateway.settings, bus) {
+                let line = Line::new(spec);
+                spawner.spawn(bus_task(gateway.desk, index, line, master).expect("one task a bus"));
+            }
         }
         for (axis, _) in gateway.axes.iter() {
             spawner.spawn(watch_task(gateway, axis).expect("one task an axis"));

@@ -18,7 +18,7 @@ use static_cell::{ConstStaticCell, StaticCell};
 use crate::axis::{Axes, AxisSpec};
 use crate::bus;
 use crate::clock;
-use crate::desk::{BusQueue, BusSpec, Desk};
+use crate::desk::{BusQueue, BusSpec, Desk, Units};
 use crate::front::{self, Gateway};
 use crate::port::{Flash, Line, Place, limits};
 use crate::settings::keeper::{self, Form, Keeper, Source};
@@ -88,19 +88,30 @@ async fn open(
 /// Builds the gateway; once a process. The settings must have passed [`Settings::check`].
 #[inline(never)]
 pub fn build(settings: &'static Settings, keeper: &'static Keeper) -> &'static Gateway {
-    let buses = settings.buses.iter().map(|bus| BusSpec {
-        units: bus.units,
-        queue_timeout: millis(bus.queue_timeout_ms),
-        reply_timeout: millis(bus.reply_timeout_ms),
+    let buses = settings.buses.iter().map(|bus| match bus.modbus() {
+        Some(modbus) => BusSpec {
+            units: modbus.units,
+            queue_timeout: millis(modbus.queue_timeout_ms),
+            reply_timeout: millis(modbus.reply_timeout_ms),
+        },
+        None => {
+            BusSpec { units: Units::default(), queue_timeout: Duration::ZERO, reply_timeout: Duration::ZERO }
+        }
     });
     DESK.configure(buses, millis(settings.net.lease_ms));
-    let axes = settings.axes.iter().map(|axis| AxisSpec {
-        name: axis.name.clone(),
-        bus: settings.bus(&axis.bus).unwrap_or_default(),
-        bus_name: axis.bus.clone(),
-        address: axis.address,
-        max_rpm: axis.max_rpm,
-        registers: axis.registers,
+    let axes = settings.axes.iter().map(|axis| {
+        let edb = match &axis.drive {
+            settings::Drive::Edb(edb) => edb.clone(),
+            settings::Drive::Pid(_) => settings::Edb::default(),
+        };
+        AxisSpec {
+            name: axis.name.clone(),
+            bus: settings.bus(&axis.bus).unwrap_or_default(),
+            bus_name: axis.bus.clone(),
+            address: axis.address,
+            max_rpm: edb.max_rpm,
+            registers: edb.registers,
+        }
     });
     let axes = Axes::new(&DESK, axes);
     GATEWAY.init_with(|| Gateway::new(settings, &DESK, axes, keeper))
@@ -115,38 +126,42 @@ fn line_settings(bus: &settings::Bus) -> puente_line::Settings {
     puente_line::Settings { baud: bus.baud, format: bus.format }
 }
 
-fn mode(bus: &settings::Bus) -> Mode {
-    match bus.protocol {
-        settings::Protocol::ModbusRtu => Mode::Rtu,
-        settings::Protocol::ModbusAscii => Mode::Ascii,
-    }
-}
-
-/// What the master of a bus goes by.
-pub fn master(settings: &Settings, bus: &settings::Bus) -> Config {
-    Config {
+/// What the master of a Modbus bus goes by.
+pub fn modbus(settings: &Settings, bus: &settings::Bus) -> Option<Config> {
+    let modbus = bus.modbus()?;
+    let mode = mode(bus)?;
+    Some(Config {
         line: line_settings(bus),
-        mode: mode(bus),
-        silence: silence(settings, bus),
-        reply_timeout: millis(bus.reply_timeout_ms),
-        turnaround: millis(bus.turnaround_ms),
-        rest: millis(bus.rest_ms),
-        quarantine: millis(bus.quarantine_ms.unwrap_or(bus.reply_timeout_ms)),
-        echo: match bus.echo {
+        mode,
+        silence: if mode == Mode::Rtu && drives_edb(settings, bus) {
+            // EDB drives want 4 characters of silence between RTU frames, where the standard has 3.5.
+            line_settings(bus).wire_time(4)
+        } else {
+            Duration::ZERO
+        },
+        reply_timeout: millis(modbus.reply_timeout_ms),
+        turnaround: millis(modbus.turnaround_ms),
+        rest: millis(modbus.rest_ms),
+        quarantine: millis(modbus.quarantine_ms.unwrap_or(modbus.reply_timeout_ms)),
+        echo: match modbus.echo {
             settings::Echo::Off => Echo::Off,
             settings::Echo::Strip => Echo::Strip,
             settings::Echo::Verify => Echo::Verify,
         },
+    })
+}
+
+fn mode(bus: &settings::Bus) -> Option<Mode> {
+    match bus.protocol {
+        settings::Protocol::ModbusRtu(_) => Some(Mode::Rtu),
+        settings::Protocol::ModbusAscii(_) => Some(Mode::Ascii),
+        settings::Protocol::Framed(_) => None,
     }
 }
 
-/// EDB drives want 4 characters of silence between RTU frames, where the standard has 3.5.
-fn silence(settings: &Settings, bus: &settings::Bus) -> Duration {
-    let edb = settings.axes.iter().any(|axis| axis.bus == bus.name && axis.drive == settings::Drive::Edb);
-    match bus.protocol {
-        settings::Protocol::ModbusRtu if edb => line_settings(bus).wire_time(4),
-        settings::Protocol::ModbusRtu | settings::Protocol::ModbusAscii => Duration::ZERO,
-    }
+fn drives_edb(settings: &Settings, bus: &settings::Bus) -> bool {
+    let mut axes = settings.axes.iter().filter(|axis| axis.bus == bus.name);
+    axes.any(|axis| matches!(axis.drive, settings::Drive::Edb(_)))
 }
 
 /// Drives one bus.

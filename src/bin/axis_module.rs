@@ -18,7 +18,7 @@ fn main() -> ! {
 
 /// Starts the module, whose tasks go on after this returns.
 fn start(spawner: Spawner) {
-    let board = AxisBoard::start(spawner, setup::FEEDBACK, setup::COMMAND);
+    let board = AxisBoard::start(spawner, setup::LINE, setup::FEEDBACK, setup::COMMAND);
     let config = setup::config(setup::FEEDBACK);
     let rate = config.rate;
     CONTROL.set(Loop::new(board.axis, config).expect("a setting of setup.rs"));

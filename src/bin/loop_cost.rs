@@ -9,6 +9,7 @@ use core::time::Duration;
 use embassy_executor::Spawner;
 use puente::clock;
 use puente::module::control::{Control, Loop};
+use puente::module::setup;
 use puente::port::mps2::span::{span_begins, span_ends, span_next};
 use puente::port::{self, Axis, AxisBoard, CommandForm, Feedback};
 use puente_drives::pid::{Command, Config, Gains, Width, ssi};
@@ -28,7 +29,7 @@ fn main() -> ! {
 fn start(spawner: Spawner) {
     const W16: Width = Width::W16;
     const W25: Width = Width::new(25).expect("a width");
-    AxisBoard::start(spawner, Feedback::Quadrature, CommandForm::Voltage);
+    AxisBoard::start(spawner, setup::LINE, Feedback::Quadrature, CommandForm::Voltage);
     let ssi = |parity| Feedback::Ssi { format: ssi::Format { width: W25, parity }, gray: true };
     for (name, feedback) in [
         ("quadrature", Feedback::Quadrature),

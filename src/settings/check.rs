@@ -3,8 +3,10 @@
 use core::fmt;
 use core::net::Ipv4Addr;
 
-use super::{Axis, Bus, Name, Net, Protocol, Settings, VERSION};
-use crate::port::limits::{CLIENTS, CLIENTS_ALLOWED};
+use puente_drives::pid::Gains;
+
+use super::{Axis, Bus, Drive, Echo, Edb, Framed, Modbus, Name, Net, Pid, Protocol, Settings, VERSION};
+use crate::port::limits::{CLIENTS, CLIENTS_ALLOWED, FRAMED};
 use crate::port::{self, BadPort};
 
 /// What is wrong with a document whose types are right, and where.
@@ -45,6 +47,11 @@ pub enum Problem {
         key: &'static str,
         /// What is allowed.
         allowed: &'static str,
+    },
+    /// There are more framed buses than the gateway can have.
+    FramedBuses {
+        /// The first that is too many.
+        name: Name,
     },
     /// Two buses serve the same unit.
     Overlap {
@@ -96,6 +103,9 @@ impl fmt::Display for Problem {
             Problem::Bus { name, key, allowed } => write!(f, "[[bus]] \"{name}\" {key}: {allowed}"),
             Problem::Port { name, error } => write!(f, "[[bus]] \"{name}\" port: {error}"),
             Problem::Axis { name, key, allowed } => write!(f, "[[axis]] \"{name}\" {key}: {allowed}"),
+            Problem::FramedBuses { name } => {
+                write!(f, "[[bus]] \"{name}\" protocol: at most {FRAMED} can be framed")
+            }
             Problem::Overlap { name, other, unit } => {
                 write!(f, "[[bus]] \"{name}\" units: bus \"{other}\" serves unit {unit} already")
             }
@@ -143,10 +153,14 @@ impl Settings {
                 if other.port == bus.port && bus.port != SIMULATED {
                     return Err(Problem::SamePort { name: bus.name.clone(), other: other.name.clone() });
                 }
-                if let Some(unit) = other.units.overlap(&bus.units) {
+                let units = other.modbus().zip(bus.modbus());
+                if let Some(unit) = units.and_then(|(other, bus)| other.units.overlap(&bus.units)) {
                     return Err(Problem::Overlap { name: bus.name.clone(), other: other.name.clone(), unit });
                 }
             }
+        }
+        if let Some(bus) = self.buses.iter().filter(|bus| bus.framed().is_some()).nth(FRAMED) {
+            return Err(Problem::FramedBuses { name: bus.name.clone() });
         }
         for (index, axis) in self.axes.iter().enumerate() {
             self.check_axis(axis, self.axes.get(..index).unwrap_or_default())?;
@@ -159,23 +173,66 @@ impl Settings {
         if !is_name(&axis.name) || before.iter().any(|other| other.name == axis.name) {
             return problem("name", NAMES);
         }
-        if !self.buses.iter().any(|bus| bus.name == axis.bus) {
+        let Some(bus) = self.buses.iter().find(|bus| bus.name == axis.bus) else {
             return Err(Problem::UnknownBus { axis: axis.name.clone(), bus: axis.bus.clone() });
+        };
+        if let Some(key) = axis.stray {
+            return problem(key, "this drive has no such key");
         }
-        if !(1..=247).contains(&axis.address) {
-            return problem("address", "1 to 247 is allowed");
+        match (&axis.drive, bus.framed()) {
+            (Drive::Edb(_), Some(_)) => return problem("drive", "\"pid\" is what a framed bus can have"),
+            (Drive::Pid(_), None) => return problem("drive", "\"edb\" is what a Modbus bus can have"),
+            (Drive::Edb(_), None) if !(1..=247).contains(&axis.address) => {
+                return problem("address", "1 to 247 is allowed");
+            }
+            (Drive::Pid(_), Some(_)) if !(1..=254).contains(&axis.address) => {
+                return problem("address", "1 to 254 is allowed");
+            }
+            (Drive::Pid(_), Some(framed)) if axis.address == framed.station => {
+                return problem(
+                    "address",
+                    "it must differ from the station of the bus, which is the gateway itself",
+                );
+            }
+            (Drive::Edb(_), None) | (Drive::Pid(_), Some(_)) => {}
         }
         if let Some(other) =
             before.iter().find(|other| other.bus == axis.bus && other.address == axis.address)
         {
             return Err(Problem::SameDrive { axis: axis.name.clone(), other: other.name.clone() });
         }
-        if axis.max_rpm == 0 || axis.max_rpm > i16::MAX as u16 {
-            return problem("max_rpm", "1 to 32767 is allowed");
+        match &axis.drive {
+            Drive::Edb(edb) => edb.check(&axis.name),
+            Drive::Pid(pid) => pid.check(&axis.name),
         }
-        match axis.registers.written_twice() {
-            Some(register) => Err(Problem::SameRegister { axis: axis.name.clone(), register }),
+    }
+}
+
+impl Edb {
+    fn check(&self, axis: &Name) -> Result<(), Problem> {
+        if self.max_rpm == 0 || self.max_rpm > i16::MAX as u16 {
+            return Err(Problem::Axis {
+                name: axis.clone(),
+                key: "max_rpm",
+                allowed: "1 to 32767 is allowed",
+            });
+        }
+        match self.registers.written_twice() {
+            Some(register) => Err(Problem::SameRegister { axis: axis.clone(), register }),
             None => Ok(()),
+        }
+    }
+}
+
+impl Pid {
+    fn check(&self, axis: &Name) -> Result<(), Problem> {
+        match self.gains {
+            Some([kp, ki, kd]) if Gains::new(kp, ki, kd).is_err() => Err(Problem::Axis {
+                name: axis.clone(),
+                key: "gains",
+                allowed: "three numbers from 0 to 1000000 are needed: Kp, Ki and Kd",
+            }),
+            Some(_) | None => Ok(()),
         }
     }
 }
@@ -228,30 +285,72 @@ fn is_label(name: &str) -> bool {
 
 impl Bus {
     fn check(&self) -> Result<(), Problem> {
-        let problem = |key, allowed| Err(Problem::Bus { name: self.name.clone(), key, allowed });
-        let ascii_only = self.protocol == Protocol::ModbusRtu && self.format.data_bits == 7;
+        let problem = |(key, allowed)| Problem::Bus { name: self.name.clone(), key, allowed };
+        if let Some(key) = self.stray {
+            return Err(problem((key, "this protocol has no such key")));
+        }
         if !(300..=1_000_000).contains(&self.baud) {
-            return problem("baud", "300 to 1000000 is allowed");
+            return Err(problem(("baud", "300 to 1000000 is allowed")));
         }
-        if ascii_only {
-            return problem("format", "Modbus RTU needs 8 data bits");
+        match (&self.protocol, self.format.data_bits) {
+            (Protocol::ModbusRtu(_), 7) => return Err(problem(("format", "Modbus RTU needs 8 data bits"))),
+            (Protocol::Framed(_), 7) => return Err(problem(("format", "a framed bus needs 8 data bits"))),
+            (Protocol::ModbusRtu(modbus) | Protocol::ModbusAscii(modbus), _) => modbus.check(),
+            (Protocol::Framed(framed), _) => framed.check(),
         }
-        if !(5..=60_000).contains(&self.reply_timeout_ms) {
-            return problem("reply_timeout_ms", "5 to 60000 is allowed");
-        }
-        if self.turnaround_ms > 10_000 {
-            return problem("turnaround_ms", "0 to 10000 is allowed");
-        }
-        if self.rest_ms > 10_000 {
-            return problem("rest_ms", "0 to 10000 is allowed");
-        }
-        if self.quarantine_ms.is_some_and(|ms| ms > 60_000) {
-            return problem("quarantine_ms", "0 to 60000 is allowed");
-        }
-        if !(50..=60_000).contains(&self.queue_timeout_ms) {
-            return problem("queue_timeout_ms", "50 to 60000 is allowed");
-        }
+        .map_err(problem)?;
         let line = puente_line::Settings { baud: self.baud, format: self.format };
         port::check_line(&self.port, line).map_err(|error| Problem::Port { name: self.name.clone(), error })
+    }
+}
+
+/// A key, and what is allowed.
+type Range = (&'static str, &'static str);
+
+impl Modbus {
+    fn check(&self) -> Result<(), Range> {
+        if !(5..=60_000).contains(&self.reply_timeout_ms) {
+            return Err(("reply_timeout_ms", "5 to 60000 is allowed"));
+        }
+        if self.turnaround_ms > 10_000 {
+            return Err(("turnaround_ms", "0 to 10000 is allowed"));
+        }
+        if self.rest_ms > 10_000 {
+            return Err(("rest_ms", "0 to 10000 is allowed"));
+        }
+        if self.quarantine_ms.is_some_and(|ms| ms > 60_000) {
+            return Err(("quarantine_ms", "0 to 60000 is allowed"));
+        }
+        if !(50..=60_000).contains(&self.queue_timeout_ms) {
+            return Err(("queue_timeout_ms", "50 to 60000 is allowed"));
+        }
+        Ok(())
+    }
+}
+
+impl Framed {
+    fn check(&self) -> Result<(), Range> {
+        if !(1..=254).contains(&self.station) {
+            return Err(("station", "1 to 254 is allowed"));
+        }
+        if !(1..=1000).contains(&self.cycle_ms) {
+            return Err(("cycle_ms", "1 to 1000 is allowed"));
+        }
+        if !(1..=1000).contains(&self.ipg) {
+            return Err(("ipg", "1 to 1000 characters are allowed"));
+        }
+        if !(1..=1000).contains(&self.slot) {
+            return Err(("slot", "1 to 1000 characters are allowed"));
+        }
+        if !(1..=16).contains(&self.attempts) {
+            return Err(("attempts", "1 to 16 is allowed"));
+        }
+        if !(1..=8).contains(&self.window) {
+            return Err(("window", "1 to 8 is allowed"));
+        }
+        if self.echo == Echo::Strip {
+            return Err(("echo", "\"verify\" or \"off\" is what a framed bus can have"));
+        }
+        Ok(())
     }
 }

@@ -1,6 +1,8 @@
 //! The settings: one document, TOML in a file, JSON over HTTP, compact in flash. Unknown keys are errors;
 //! [`Settings::check`] finds what the types cannot.
 
+mod axis;
+mod bus;
 mod check;
 mod cidr;
 mod document;
@@ -14,11 +16,11 @@ use core::net::Ipv4Addr;
 use core::str::FromStr;
 
 use heapless::{String, Vec};
-use puente_drives::edb::Registers;
-use puente_line::Format;
+use puente_line::{Format, Parity};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-use crate::desk::Units;
+pub use axis::{Axis, Drive, Edb, Payload, Pid};
+pub use bus::{Bus, Echo, Framed, Modbus, Policy, Protocol};
 pub use check::Problem;
 pub use cidr::{BadCidr, Cidr};
 
@@ -98,155 +100,6 @@ impl Net {
     }
 }
 
-/// What is spoken on a bus.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Protocol {
-    /// Modbus RTU.
-    ModbusRtu,
-    /// Modbus ASCII.
-    ModbusAscii,
-}
-
-impl Protocol {
-    /// As written in the settings.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Protocol::ModbusRtu => "modbus-rtu",
-            Protocol::ModbusAscii => "modbus-ascii",
-        }
-    }
-}
-
-/// What a line gives back of what is sent on it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Echo {
-    /// Nothing: the receiver is off while sending.
-    #[default]
-    Off,
-    /// All of it; it is removed unseen.
-    Strip,
-    /// All of it; it is compared, and a difference ends the transaction.
-    Verify,
-}
-
-/// A bus.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Bus {
-    /// Its name, unique.
-    pub name: Name,
-    /// What is spoken on it.
-    pub protocol: Protocol,
-    /// `sim`, a serial device, or `tcp:HOST:PORT`.
-    pub port: String<64>,
-    /// Bits per second.
-    #[serde(default = "default_baud")]
-    pub baud: u32,
-    /// Character format, as in `8E1`.
-    #[serde(default = "default_format", serialize_with = "text", deserialize_with = "parsed")]
-    pub format: Format,
-    /// Modbus unit ids that clients reach here, as in `1-16,20`.
-    #[serde(default = "default_units", serialize_with = "text", deserialize_with = "parsed")]
-    pub units: Units,
-    /// How long a slave has for its reply, in ms, from the end of the request.
-    #[serde(default = "default_reply_timeout")]
-    pub reply_timeout_ms: u32,
-    /// Pause after a broadcast, in ms.
-    #[serde(default = "default_turnaround")]
-    pub turnaround_ms: u32,
-    /// Pause after each transaction before the same slave is addressed again, in ms.
-    #[serde(default)]
-    pub rest_ms: u32,
-    /// How long a slave that did not answer is left alone, in ms, lest its late reply meets the next request.
-    /// `reply_timeout_ms` where absent.
-    #[serde(default)]
-    pub quarantine_ms: Option<u32>,
-    /// How long a request may wait for its turn, in ms.
-    #[serde(default = "default_queue_timeout")]
-    pub queue_timeout_ms: u32,
-    /// Whether the line gives back what is sent.
-    #[serde(default)]
-    pub echo: Echo,
-}
-
-/// What drives an axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Drive {
-    /// An EDB servo drive.
-    Edb,
-}
-
-impl Drive {
-    /// As written in the settings.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Drive::Edb => "edb",
-        }
-    }
-}
-
-/// An axis.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Axis {
-    /// Its name, unique.
-    pub name: Name,
-    /// The name of its bus.
-    pub bus: Name,
-    /// What drives it.
-    pub drive: Drive,
-    /// Address of the drive on its bus, 1 to 247.
-    pub address: u8,
-    /// Highest jog speed, in r/min.
-    #[serde(default = "default_max_rpm")]
-    pub max_rpm: u16,
-    /// Registers that differ from the EDB family's.
-    #[serde(default, serialize_with = "unless_family", deserialize_with = "or_family")]
-    pub registers: Registers,
-}
-
-/// The family's registers are written as none, for what is compact has no keys that could be left out.
-fn unless_family<S: Serializer>(registers: &Registers, serializer: S) -> Result<S::Ok, S::Error> {
-    (*registers != Registers::default()).then_some(registers).serialize(serializer)
-}
-
-fn or_family<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Registers, D::Error> {
-    Option::<Registers>::deserialize(deserializer).map(Option::unwrap_or_default)
-}
-
-fn default_baud() -> u32 {
-    9600
-}
-
-fn default_format() -> Format {
-    Format { data_bits: 8, parity: puente_line::Parity::Odd, stop_bits: 1 }
-}
-
-fn default_units() -> Units {
-    let mut units = Units::default();
-    (1..=247).for_each(|unit| units.insert(unit));
-    units
-}
-
-fn default_reply_timeout() -> u32 {
-    500
-}
-
-fn default_turnaround() -> u32 {
-    100
-}
-
-fn default_queue_timeout() -> u32 {
-    3000
-}
-
-fn default_max_rpm() -> u16 {
-    3000
-}
-
 fn text<T: fmt::Display, S: Serializer>(value: &T, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_str(value)
 }
@@ -261,6 +114,21 @@ where
     text.parse().map_err(de::Error::custom)
 }
 
+/// A value that a document has as text.
+struct Text<T>(T);
+
+impl<T: fmt::Display> Serialize for Text<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        text(&self.0, serializer)
+    }
+}
+
+impl<'de, T: FromStr<Err: fmt::Display>> Deserialize<'de> for Text<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        parsed(deserializer).map(Text)
+    }
+}
+
 impl Settings {
     /// What a gateway has that was not told otherwise: one Modbus ASCII bus at 9600 8O1 (the factory setting of EDB
     /// drives) on the port's first line, with axes x, y and z at addresses 1, 2 and 3.
@@ -268,25 +136,18 @@ impl Settings {
         let name = |text: &str| Name::try_from(text).unwrap_or_default();
         let bus = Bus {
             name: name("a"),
-            protocol: Protocol::ModbusAscii,
             port: String::try_from(defaults::LINE).unwrap_or_default(),
-            baud: default_baud(),
-            format: default_format(),
-            units: default_units(),
-            reply_timeout_ms: default_reply_timeout(),
-            turnaround_ms: default_turnaround(),
-            rest_ms: 0,
-            quarantine_ms: None,
-            queue_timeout_ms: default_queue_timeout(),
-            echo: Echo::Off,
+            baud: 9600,
+            format: Format { data_bits: 8, parity: Parity::Odd, stop_bits: 1 },
+            protocol: Protocol::ModbusAscii(Modbus::default()),
+            stray: None,
         };
         let axis = |(text, address)| Axis {
             name: name(text),
             bus: name("a"),
-            drive: Drive::Edb,
             address,
-            max_rpm: default_max_rpm(),
-            registers: Registers::default(),
+            drive: Drive::Edb(Edb::default()),
+            stray: None,
         };
         Self {
             version: VERSION,

@@ -2,6 +2,7 @@ use proptest::prelude::*;
 
 use super::record::{self, Record, Trial};
 use super::*;
+use crate::desk::Units;
 
 fn text_of(settings: &Settings) -> std::string::String {
     serde_json::to_string(settings).expect("text")
@@ -18,8 +19,11 @@ fn read(text: &str) -> Result<Settings, json::Error> {
 fn the_compact_form_is_that_of_its_number() {
     let mut settings = Settings::factory();
     settings.net.router = Some([192, 168, 1, 1].into());
-    settings.buses[0].quarantine_ms = Some(300);
-    settings.axes[1].registers.status = 0x0902;
+    settings.buses[0].protocol =
+        Protocol::ModbusAscii(Modbus { quarantine_ms: Some(300), ..Modbus::default() });
+    let mut edb = Edb::default();
+    edb.registers.status = 0x0902;
+    settings.axes[1].drive = Drive::Edb(edb);
     settings.axes.truncate(2);
     let mut bytes = [0; 256];
     let length = record::emit(&mut bytes, Some(&settings), Some(None)).expect("room");
@@ -39,6 +43,124 @@ fn the_compact_form_is_that_of_its_number() {
         ],
     ];
     assert_eq!(bytes[..length].escape_ascii().to_string(), expected.concat().escape_ascii().to_string());
+}
+
+/// What a framed bus and its axes add to that form.
+#[test]
+fn the_compact_form_of_a_framed_bus() {
+    let settings = framed();
+    let mut bytes = [0; 256];
+    let length = record::emit(&mut bytes, Some(&settings), None).expect("room");
+    let expected: &[&[u8]] = &[
+        b"pS\x01\0\0\0\0\0\x5B\0",
+        &[1, 127, 0, 0, 1, 0x90, 0x3F, 0xB6, 0x42, 16, 0xFA, 0x01, 120, 1],
+        b"\x10192.168.1.111/24\0\x06puente",
+        // One bus.
+        b"\x01\x01b\x02\x03sim\xC0\x84\x3D\x038N1\x01\0\x02\x02\x08\x10\x04\x02",
+        // Two axes.
+        b"\x02\x01x\x01b\x01\x11\0\0",
+        b"\x01y\x01b\x01\x12\x01\x01\0\0\0\x3F\0\0\x80\x3E\0\0\0\0",
+    ];
+    assert_eq!(bytes[..length].escape_ascii().to_string(), expected.concat().escape_ascii().to_string());
+}
+
+/// A framed bus with axes x and y.
+fn framed() -> Settings {
+    let mut settings = Settings::factory();
+    let bus = &mut settings.buses[0];
+    bus.name = "b".parse().expect("a name");
+    (bus.baud, bus.format) = (1_000_000, "8N1".parse().expect("a format"));
+    bus.protocol = Protocol::Framed(Framed::default());
+    settings.axes.truncate(2);
+    for (address, axis) in (17..).zip(&mut settings.axes) {
+        (axis.address, axis.bus) = (address, "b".parse().expect("a name"));
+        axis.drive = Drive::Pid(Pid::default());
+    }
+    settings.axes[1].drive = Drive::Pid(Pid { payload: Payload::Binary, gains: Some([0.5, 0.25, 0.0]) });
+    settings
+}
+
+#[test]
+fn a_table_has_the_defaults_of_its_protocol_and_of_its_drive() {
+    let text = "{\"bus\":[{\"name\":\"b\",\"protocol\":\"framed\",\"port\":\"sim\"}],\"axis\":[\
+        {\"name\":\"x\",\"bus\":\"b\",\"drive\":\"pid\",\"address\":17},\
+        {\"name\":\"y\",\"bus\":\"b\",\"drive\":\"pid\",\"address\":18,\"payload\":\"binary\",\"gains\":[0.5,0.25,0]}]}";
+    let mut expected = framed();
+    expected.net = Net::default();
+    assert_eq!(read(text), Ok(expected.clone()));
+    assert_eq!(expected.check(), Ok(()));
+    // And says no word of others.
+    let text = text_of(&expected);
+    assert!(!text.contains("units") && !text.contains("rpm") && !text.contains("registers"), "{text}");
+    let text = text_of(&Settings::factory());
+    assert!(!text.contains("station") && !text.contains("payload"), "{text}");
+}
+
+#[test]
+fn keys_and_drives_of_another_protocol_are_told() {
+    let framed = text_of(&framed());
+    let modbus = text_of(&Settings::factory());
+    for (text, good, bad, sentence) in [
+        (
+            &framed,
+            "\"slot\":8",
+            "\"slot\":8,\"units\":\"1\"",
+            "[[bus]] \"b\" units: this protocol has no such key",
+        ),
+        (
+            &framed,
+            "\"slot\":8",
+            "\"slot\":8,\"rest_ms\":0",
+            "[[bus]] \"b\" rest_ms: this protocol has no such key",
+        ),
+        (
+            &modbus,
+            "\"rest_ms\":0",
+            "\"rest_ms\":0,\"cycle_ms\":2",
+            "[[bus]] \"a\" cycle_ms: this protocol has no such key",
+        ),
+        (
+            &framed,
+            "\"payload\":\"text\"",
+            "\"max_rpm\":1",
+            "[[axis]] \"x\" max_rpm: this drive has no such key",
+        ),
+        (
+            &modbus,
+            "\"address\":2",
+            "\"address\":2,\"gains\":[1,1,1]",
+            "[[axis]] \"y\" gains: this drive has no such key",
+        ),
+        (
+            &framed,
+            "\"drive\":\"pid\",\"address\":17,\"payload\":\"text\",\"gains\":null",
+            "\"drive\":\"edb\",\"address\":17",
+            "[[axis]] \"x\" drive: \"pid\" is what",
+        ),
+        (
+            &modbus,
+            "\"drive\":\"edb\",\"address\":1,\"max_rpm\":3000,\"registers\":null",
+            "\"drive\":\"pid\",\"address\":1",
+            "[[axis]] \"x\" drive: \"edb\" is what",
+        ),
+        (&framed, "\"station\":1", "\"station\":17", "[[axis]] \"x\" address: it must differ"),
+        (&framed, "\"station\":1", "\"station\":255", "[[bus]] \"b\" station: 1 to 254"),
+        (&framed, "\"address\":17", "\"address\":255", "[[axis]] \"x\" address: 1 to 254"),
+        (&framed, "\"address\":17", "\"address\":18", "[[axis]] \"y\" address: axis \"x\" has this drive"),
+        (&framed, "\"cycle_ms\":2", "\"cycle_ms\":0", "[[bus]] \"b\" cycle_ms: 1 to 1000"),
+        (&framed, "\"ipg\":2", "\"ipg\":0", "[[bus]] \"b\" ipg: 1 to 1000"),
+        (&framed, "\"slot\":8", "\"slot\":1001", "[[bus]] \"b\" slot: 1 to 1000"),
+        (&framed, "\"attempts\":16", "\"attempts\":17", "[[bus]] \"b\" attempts: 1 to 16"),
+        (&framed, "\"window\":4", "\"window\":9", "[[bus]] \"b\" window: 1 to 8"),
+        (&framed, "\"verify\"", "\"strip\"", "[[bus]] \"b\" echo: \"verify\" or \"off\""),
+        (&framed, "8N1", "7E1", "[[bus]] \"b\" format: a framed bus needs 8 data bits"),
+        (&framed, "[0.5,", "[-0.5,", "[[axis]] \"y\" gains: three numbers"),
+        (&framed, "0.25,", "1000001,", "[[axis]] \"y\" gains: three numbers"),
+    ] {
+        assert!(text.contains(good), "{good} is not in {text}");
+        let problem = read(&text.replacen(good, bad, 1)).expect("a document").check().expect_err(bad);
+        assert!(problem.to_string().starts_with(sentence), "{bad}: {problem}");
+    }
 }
 
 #[test]
@@ -146,12 +268,7 @@ prop_compose! {
     ) -> Bus {
         let mut all = Units::default();
         units.into_iter().for_each(|unit| all.insert(unit));
-        Bus {
-            name: name.parse().expect("a name"),
-            protocol: if rtu { Protocol::ModbusRtu } else { Protocol::ModbusAscii },
-            port: port.parse().expect("a port"),
-            baud,
-            format: format.parse().expect("a format"),
+        let modbus = Modbus {
             units: all,
             reply_timeout_ms: times[0],
             turnaround_ms: times[1],
@@ -159,14 +276,40 @@ prop_compose! {
             quarantine_ms,
             queue_timeout_ms: times[3],
             echo: [Echo::Off, Echo::Strip, Echo::Verify][usize::from(echo)],
+        };
+        Bus {
+            name: name.parse().expect("a name"),
+            port: port.parse().expect("a port"),
+            baud,
+            format: format.parse().expect("a format"),
+            protocol: if rtu { Protocol::ModbusRtu(modbus) } else { Protocol::ModbusAscii(modbus) },
+            stray: None,
         }
     }
 }
 
 prop_compose! {
+    fn any_framed()(
+        station in 200..=254_u8,
+        thesis: bool,
+        cycle_ms in 1..=1000_u16,
+        ipg in 1..=1000_u16,
+        slot in 1..=1000_u16,
+        attempts in 1..=16_u8,
+        window in 1..=8_u8,
+        off: bool,
+    ) -> Framed {
+        let policy = if thesis { Policy::Thesis } else { Policy::Truncated };
+        let echo = if off { Echo::Off } else { Echo::Verify };
+        Framed { station, policy, cycle_ms, ipg, slot, attempts, window, echo }
+    }
+}
+
+prop_compose! {
     fn any_settings()(
-        bus in any_bus(),
-        axes in proptest::collection::vec((1..=247_u8, 1..=32_767_u16, proptest::option::of(0..0x800_u16)), 0..AXES),
+        mut bus in any_bus(),
+        framed in proptest::option::of(any_framed()),
+        axes in proptest::collection::vec((1..=199_u8, 1..=32_767_u16, proptest::option::of(0..0x800_u16)), 0..AXES),
         router: bool,
         dhcp: bool,
         hostname in "[a-z0-9]{1,32}",
@@ -184,9 +327,19 @@ prop_compose! {
             let mut axis = Settings::factory().axes[0].clone();
             axis.name = format!("axis-{number}").parse().expect("a name");
             axis.bus = bus.name.clone();
-            (axis.address, axis.max_rpm) = (address, max_rpm);
-            axis.registers.status = status.unwrap_or(axis.registers.status);
+            axis.address = address;
+            let mut edb = Edb { max_rpm, ..Edb::default() };
+            edb.registers.status = status.unwrap_or(edb.registers.status);
+            let gains = status.map(|number| [f32::from(number) / 7.0, 1e6 / f32::from(max_rpm), 1e-20]);
+            let payload = if max_rpm % 2 == 0 { Payload::Text } else { Payload::Binary };
+            axis.drive = match &framed {
+                Some(_) => Drive::Pid(Pid { payload, gains }),
+                None => Drive::Edb(edb),
+            };
             settings.axes.push(axis).expect("room");
+        }
+        if let Some(framed) = framed {
+            bus.protocol = Protocol::Framed(framed);
         }
         settings.buses[0] = bus;
         settings

@@ -337,6 +337,7 @@ fn the_page_and_its_files() {
     for (path, content_type, file) in [
         ("/", "text/html", page),
         ("/panel.css", "text/css", include_str!("../../src/front/http/page/panel.css")),
+        ("/pid.js", "text/javascript", include_str!("../../src/front/http/page/pid.js")),
         ("/panel.js", "text/javascript", include_str!("../../src/front/http/page/panel.js")),
         ("/?x=1", "text/html", page),
     ] {

@@ -8,8 +8,8 @@ use embassy_futures::block_on;
 use embedded_storage_async::nor_flash::NorFlash;
 use nor::{Nor, Random};
 use proptest::prelude::*;
-use puente::settings::Settings;
 use puente::settings::store::{self, Store};
+use puente::settings::{Drive, Edb, Settings};
 
 /// Room for a record with two documents.
 const BUFFER: usize = 4096;
@@ -120,10 +120,11 @@ fn document(random: &mut Random) -> Document {
     let axes = random.below(4) as usize;
     settings.axes.truncate(axes);
     for axis in &mut settings.axes {
-        axis.max_rpm = 1 + random.below(30_000) as u16;
+        let mut edb = Edb { max_rpm: 1 + random.below(30_000) as u16, ..Edb::default() };
         if random.below(2) == 0 {
-            axis.registers.status = random.below(0x8000) as u16;
+            edb.registers.status = random.below(0x8000) as u16;
         }
+        axis.drive = Drive::Edb(edb);
     }
     Some(settings)
 }
@@ -239,7 +240,9 @@ fn large(random: &mut Random) -> Settings {
         let mut axis = settings.axes[0].clone();
         axis.name = format!("axis-{number}").parse().expect("a name");
         axis.address = number;
-        axis.registers.status = random.below(0x8000) as u16;
+        let mut edb = Edb::default();
+        edb.registers.status = random.below(0x8000) as u16;
+        axis.drive = Drive::Edb(edb);
         if number > 3 {
             settings.axes.push(axis).expect("room");
         } else {

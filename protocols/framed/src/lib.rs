@@ -2,7 +2,7 @@
 //!
 //! Sans-io: bytes and the time go in, bytes and results come out.
 //!
-//! - [`frame`], [`section`], [`Decoder`]: what is on the line. [`pid`]: what a section says to a position controller.
+//! - [`frame`], [`section`], [`Decoder`]: what is on the line.
 //! - [`Arbiter`]: CSMA/CD. When to talk, and when to stop.
 //! - [`window`]: frames that arrive once and in order, or are reported lost.
 //! - [`Station`]: all of these together.
@@ -65,7 +65,6 @@ pub mod arbiter;
 mod decoder;
 pub mod frame;
 mod number;
-pub mod pid;
 mod random;
 pub mod section;
 pub mod station;

@@ -6,7 +6,6 @@ use common::{body, emit};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use puente_framed::frame::{self, MAX_FRAME};
-use puente_framed::pid::{Form, Setting};
 use puente_framed::{Class, Decoder, Kind, Number, Reason, Session};
 
 fn class() -> impl Strategy<Value = Class> {
@@ -130,8 +129,6 @@ proptest! {
     fn parsing_never_panics(bytes in data(200)) {
         let _ = frame::parse(&bytes);
         let _ = decode(&bytes, 1, true);
-        let _ = Setting::parse(Form::Text, &bytes);
-        let _ = Setting::parse(Form::Binary, &bytes);
     }
 
     /// Garbage without a 7E delays nothing.
@@ -178,20 +175,6 @@ proptest! {
             }
         }
         prop_assert_eq!(found, [short]);
-    }
-
-    #[test]
-    fn settings_read_as_they_were_written(values in prop::array::uniform4(-1e6_f32..1e6)) {
-        let [kp, ki, kd, set_point] = values;
-        let setting = Setting { kp, ki, kd, set_point };
-        let binary = setting.emit(Form::Binary).expect("finite");
-        prop_assert_eq!(Setting::parse(Form::Binary, &binary), Ok(setting));
-        if let Ok(text) = setting.emit(Form::Text) {
-            let read = Setting::parse(Form::Text, &text).expect("a setting");
-            for (read, value) in [(read.kp, kp), (read.ki, ki), (read.kd, kd), (read.set_point, set_point)] {
-                prop_assert!((read - value).abs() <= value.abs() * 1e-3);
-            }
-        }
     }
 }
 

@@ -4,7 +4,6 @@ mod common;
 
 use common::{body, emit, hex};
 use puente_framed::frame::{self, FrameError};
-use puente_framed::pid::{DataError, Form, Setting};
 use puente_framed::{Class, Decoder, Kind, Number, Session};
 
 /// 3 axes of 255 bytes.
@@ -18,16 +17,9 @@ fn a_frame_of_the_thesis_is_understood() {
     assert_eq!(bytes.len(), 765 + 6);
     let frame = frame::parse(&bytes).expect("a frame");
     assert_eq!((frame.origin, frame.kind), (1, Kind::Plain));
-    let settings = [
-        (17, Setting { kp: 2.5, ki: 0.05, kd: 0.001, set_point: 12_000.0 }),
-        (18, Setting { kp: 1.75, ki: 0.1, kd: 0.0, set_point: -340.5 }),
-        (19, Setting { kp: 10.0, ki: 2.0, kd: 0.25, set_point: 99_999_999.0 }),
-    ];
     assert_eq!(frame.sections().count(), 3);
-    for (address, setting) in settings {
-        let section = frame.section_for(address).expect("a section");
-        assert_eq!(section.data.len(), 252);
-        assert_eq!(Setting::parse(Form::Text, section.data), Ok(setting));
+    for address in 17..20 {
+        assert_eq!(frame.section_for(address).map(|section| section.data.len()), Some(252));
     }
     assert_eq!(frame.section_for(20), None);
     assert_eq!(emit(1, Kind::Plain, frame.body), bytes);
@@ -127,53 +119,5 @@ fn a_tag_that_is_lost_is_noticed() {
         let mut bytes = emit(1, kind, &body(&[(17, &[1; 60])]));
         bytes[2] &= 0x07;
         assert_eq!(frame::parse(&bytes), Err(FrameError::Trailer));
-    }
-}
-
-#[test]
-fn settings_have_two_forms() {
-    let setting = Setting { kp: 2.5, ki: 0.0, kd: -0.125, set_point: 1_000_000.0 };
-    assert_eq!(setting.emit(Form::Text).as_deref(), Ok(&b"32.5106-0.12571000000"[..]));
-    let binary = hex("40 20 00 00  00 00 00 00  BE 00 00 00  49 74 24 00");
-    assert_eq!(setting.emit(Form::Binary).as_deref(), Ok(&binary[..]));
-    for form in [Form::Text, Form::Binary] {
-        let data = setting.emit(form).expect("it fits");
-        assert_eq!(Setting::parse(form, &data), Ok(setting));
-        assert_eq!(Setting::parse(form, &[&data[..], &[0; 30]].concat()), Ok(setting), "filled");
-        assert_eq!(Setting::parse(form, &[&data[..], &[0, 1]].concat()), Err(DataError::Surplus));
-        for cut in 0..data.len() {
-            assert_eq!(Setting::parse(form, &data[..cut]), Err(DataError::TooShort), "{cut}");
-        }
-    }
-}
-
-#[test]
-fn values_that_would_move_an_axis_wrongly_are_refused() {
-    let text = |data: &[u8]| Setting::parse(Form::Text, data);
-    for (data, error) in [
-        (&b"011"[..], DataError::Length { value: 0, received: b'0' }),
-        (&b":1234567890"[..], DataError::Length { value: 0, received: b':' }),
-        (&b"113nan"[..], DataError::Number { value: 1 }),
-        (&b"11113inf"[..], DataError::Number { value: 2 }),
-        (&b"11111141e99"[..], DataError::Number { value: 3 }),
-        (&b"31,5"[..], DataError::Number { value: 0 }),
-        (&b"2 1"[..], DataError::Number { value: 0 }),
-    ] {
-        assert_eq!(text(data), Err(error), "{}", String::from_utf8_lossy(data));
-    }
-    assert_eq!(text(b"52.5e11111").map(|setting| setting.kp), Err(DataError::TooShort));
-    assert_eq!(text(b"52.5e1111111").map(|setting| setting.kp), Ok(25.0));
-    let nan = hex("7F C0 00 00  00 00 00 00  00 00 00 00  00 00 00 00");
-    assert_eq!(Setting::parse(Form::Binary, &nan), Err(DataError::Number { value: 0 }));
-    let with = |kp| Setting { kp, ..Setting::default() };
-    assert_eq!(with(f32::INFINITY).emit(Form::Binary), Err(DataError::Number { value: 0 }));
-    // A gain that nine characters would turn into another, or into none.
-    for kp in [1.23e-7, 1e-9, 1e10, -1e9] {
-        assert_eq!(with(kp).emit(Form::Text), Err(DataError::Precision { value: 0 }), "{kp}");
-    }
-    for kp in [1.234_567_9, -1.234_567_9, 0.000_123_456_78, 16_777_215.0, -12_345_678.0, 99_999.99] {
-        let data = with(kp).emit(Form::Text).expect("it fits");
-        let read = text(&data).expect("a setting").kp;
-        assert!((read - kp).abs() <= kp.abs() * 1e-3, "{kp} became {read}");
     }
 }

@@ -240,19 +240,20 @@ struct Line {
 
 impl<'a> Bus<'a> {
     pub(super) fn new(bus: &'a settings::Bus, statistics: &Statistics) -> Self {
+        let modbus = bus.modbus().cloned().unwrap_or_default();
         Self {
             name: &bus.name,
             protocol: bus.protocol.name(),
             port: &bus.port,
             baud: bus.baud,
             format: Text(bus.format),
-            units: Text(bus.units),
-            reply_timeout_ms: bus.reply_timeout_ms,
-            turnaround_ms: bus.turnaround_ms,
-            rest_ms: bus.rest_ms,
-            quarantine_ms: bus.quarantine_ms.unwrap_or(bus.reply_timeout_ms),
-            queue_timeout_ms: bus.queue_timeout_ms,
-            echo: bus.echo,
+            units: Text(modbus.units),
+            reply_timeout_ms: modbus.reply_timeout_ms,
+            turnaround_ms: modbus.turnaround_ms,
+            rest_ms: modbus.rest_ms,
+            quarantine_ms: modbus.quarantine_ms.unwrap_or(modbus.reply_timeout_ms),
+            queue_timeout_ms: modbus.queue_timeout_ms,
+            echo: modbus.echo,
             statistics: Counted::new(statistics),
         }
     }

@@ -13,6 +13,8 @@ pub const PIPELINE: usize = 4;
 pub const TICKETS: usize = 24;
 /// Buses: the lines a and b.
 pub const BUSES: usize = 2;
+/// Framed buses: each takes more memory than a Modbus bus.
+pub const FRAMED: usize = 1;
 /// Axes.
 pub const AXES: usize = 8;
 /// Bytes that a client may send ahead: the longest head of an HTTP request.

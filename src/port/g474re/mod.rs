@@ -17,9 +17,13 @@ use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::rng::{self, Rng};
 use embassy_stm32::{Peri, bind_interrupts, interrupt, pac, peripherals};
 
-pub use super::stm32::run;
-use super::stm32::{executor, reset, start_log};
+pub use super::stm32::{Line, run};
 pub(super) use super::stm32::{last_words, log, logs};
+
+use super::stm32::line::c;
+use super::stm32::{executor, reset, start_log};
+use puente_line::Settings;
+
 use crate::port::embedded::vital;
 use crate::port::{CommandForm, Feedback};
 pub use axis::Axis;
@@ -37,6 +41,8 @@ bind_interrupts!(struct Interrupts {
 pub struct AxisBoard {
     /// Spawns bus tasks, above everything in thread mode.
     pub buses: SendSpawner,
+    /// The bus.
+    pub line: Line,
     /// Encoder and amplifier.
     pub axis: Axis,
     /// The user LED.
@@ -52,7 +58,7 @@ pub struct AxisBoard {
 impl AxisBoard {
     /// Starts clocks and executors, with the amplifier off. Call it once, first of all.
     #[inline(never)]
-    pub fn start(_: Spawner, feedback: Feedback, form: CommandForm) -> Self {
+    pub fn start(_: Spawner, line: Settings, feedback: Feedback, form: CommandForm) -> Self {
         vital::begin(Some(reset::cause()));
         start_log();
         let p = embassy_stm32::init(clocks::config());
@@ -95,6 +101,9 @@ impl AxisBoard {
         Rng::new(p.RNG, Interrupts).fill_bytes(&mut seed);
         Self {
             buses: executor::start(),
+            line: c::Parts { usart: p.USART1, tx: p.PC4, rx: p.PC5, de: p.PA12 }
+                .open(line)
+                .expect("a line that the USART can do"),
             axis: Axis { encoder, command, enable, ready, watchdog: Watchdog::new() },
             lamp: Lamp(low(p.PA5.into())),
             switch: switch([p.PA9.into(), p.PB2.into(), p.PA8.into(), p.PB1.into()]),

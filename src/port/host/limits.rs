@@ -12,6 +12,8 @@ pub const PIPELINE: usize = 16;
 pub const TICKETS: usize = 256;
 /// Buses.
 pub const BUSES: usize = 8;
+/// Framed buses.
+pub const FRAMED: usize = 8;
 /// Axes.
 pub const AXES: usize = 32;
 /// Bytes that a client may send ahead: the longest head of an HTTP request.

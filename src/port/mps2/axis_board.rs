@@ -3,7 +3,10 @@
 
 use embassy_executor::{SendSpawner, Spawner};
 
+use puente_line::Settings;
+
 use super::axis::Axis;
+use super::line::{Line, UART1};
 use super::registers::{EMULATOR, SCC, SWITCH};
 use super::tick::Tick;
 use super::{clock, executor, interrupt, log, stack};
@@ -14,6 +17,8 @@ use crate::port::{CommandForm, Feedback};
 pub struct AxisBoard {
     /// Spawns bus tasks, above everything in thread mode.
     pub buses: SendSpawner,
+    /// The bus.
+    pub line: Line,
     /// Encoder and amplifier.
     pub axis: Axis,
     /// An LED.
@@ -29,7 +34,7 @@ pub struct AxisBoard {
 impl AxisBoard {
     /// Starts clocks and executors. Call it once, first of all.
     #[inline(never)]
-    pub fn start(spawner: Spawner, feedback: Feedback, _: CommandForm) -> Self {
+    pub fn start(spawner: Spawner, line: Settings, feedback: Feedback, _: CommandForm) -> Self {
         vital::begin(None);
         log::start();
         let mut core = cortex_m::Peripherals::take().expect("the board is started once");
@@ -39,6 +44,7 @@ impl AxisBoard {
         let switch = EMULATOR.read(SWITCH) as u8 & 0x0F;
         Self {
             buses: executor::start(),
+            line: Line::new(&UART1, line),
             axis: Axis::new(feedback),
             lamp: Lamp,
             switch,

@@ -7,7 +7,6 @@ mod calibration;
 mod can;
 mod flash;
 mod leds;
-mod line;
 mod lines;
 mod mac;
 #[cfg(any(feature = "nucleo-f767zi", feature = "nucleo-f429zi"))]
@@ -26,13 +25,6 @@ mod board;
 #[path = "h753zi.rs"]
 mod board;
 
-#[cfg(feature = "nucleo-f429zi")]
-#[path = "driver_enable_pin.rs"]
-mod driver_enable;
-#[cfg(not(feature = "nucleo-f429zi"))]
-#[path = "driver_enable_usart.rs"]
-mod driver_enable;
-
 use embassy_executor::{SendSpawner, Spawner};
 use embassy_stm32::gpio::{AnyPin, Input, Pull};
 use embassy_stm32::peripherals::PC13;
@@ -41,15 +33,14 @@ use embassy_stm32::{Peri, uid};
 
 pub use flash::Flash;
 pub use leds::Leds;
-pub use line::{Error as LineError, Line};
 pub use lines::{BadPort, Lines, check_line};
 pub use temperature::temperature;
 pub use watchdog::Watchdog;
 
-pub use super::stm32::run;
+pub use super::stm32::{Line, run};
 pub(super) use super::stm32::{last_words, log, logs};
 
-use super::stm32::{executor, reset, start_log};
+use super::stm32::{executor, line, reset, start_log};
 use crate::port::embedded::{Network, vital};
 
 /// What the board offers to the application.

@@ -1,4 +1,4 @@
-use super::super::Cidr;
+use super::super::{Cidr, Drive, Echo, Edb, Framed, Modbus, Payload, Pid, Policy, Protocol};
 use super::*;
 
 /// The text that a reply has for it.
@@ -21,15 +21,21 @@ fn largest() -> Settings {
     let bus = &mut settings.buses[0];
     bus.name = "b".repeat(16).parse().expect("a name");
     bus.port = ("/".to_string() + &"p".repeat(63)).parse().expect("a port");
-    bus.units = units[..32].join(",").parse().expect("units");
     bus.baud = 1_000_000;
-    (bus.reply_timeout_ms, bus.turnaround_ms, bus.rest_ms) = (60_000, 10_000, 10_000);
-    (bus.quarantine_ms, bus.queue_timeout_ms) = (Some(60_000), 60_000);
-    bus.echo = super::super::Echo::Verify;
+    bus.protocol = Protocol::ModbusAscii(Modbus {
+        units: units[..32].join(",").parse().expect("units"),
+        reply_timeout_ms: 60_000,
+        turnaround_ms: 10_000,
+        rest_ms: 10_000,
+        quarantine_ms: Some(60_000),
+        queue_timeout_ms: 60_000,
+        echo: Echo::Verify,
+    });
     let mut axis = settings.axes[0].clone();
     (axis.name, axis.bus) = ("a".repeat(16).parse().expect("a name"), bus.name.clone());
-    (axis.address, axis.max_rpm) = (247, 32_767);
-    let registers = &mut axis.registers;
+    axis.address = 247;
+    let mut edb = Edb { max_rpm: 32_767, ..Edb::default() };
+    let registers = &mut edb.registers;
     for (number, register) in [
         &mut registers.status,
         &mut registers.speed_feedback,
@@ -46,7 +52,29 @@ fn largest() -> Settings {
     {
         *register = 60_000 + number as u16;
     }
+    axis.drive = Drive::Edb(edb);
     settings.axes = core::iter::once(axis).collect();
+    assert_eq!(settings.check(), Ok(()));
+    settings
+}
+
+/// The largest document with a framed bus.
+fn largest_framed() -> Settings {
+    let mut settings = largest();
+    let framed = Framed {
+        station: 254,
+        policy: Policy::Truncated,
+        cycle_ms: 1000,
+        ipg: 1000,
+        slot: 1000,
+        attempts: 16,
+        window: 8,
+        echo: Echo::Verify,
+    };
+    settings.buses[0].protocol = Protocol::Framed(framed);
+    // The longest that ryu writes.
+    let gains = Some([1.234_567_9e-30; 3]);
+    settings.axes[0].drive = Drive::Pid(Pid { payload: Payload::Binary, gains });
     assert_eq!(settings.check(), Ok(()));
     settings
 }
@@ -61,6 +89,11 @@ fn the_form_has_room_for_the_largest_document_and_for_a_record_of_two() {
     let net = json(&settings).len() - bus - axis;
     println!("{net} {bus} {axis}");
     assert!(net <= 336 && bus < 448 && axis < 288);
+    // A framed bus and its axes take less, in either form.
+    let framed = largest_framed();
+    let compact = |settings: &Settings| record::emit(&mut [0; 1024], Some(settings), None).expect("room");
+    assert!(json(&framed.buses[0]).len() < bus && json(&framed.axes[0]).len() < axis);
+    assert!(compact(&framed) < compact(&settings));
 
     let compact = |settings: &Settings| record::emit(&mut [0; 1024], Some(settings), None).expect("room");
     let mut more = settings.clone();

@@ -18,6 +18,8 @@ pub enum Drive {
     Transmit(Vec<u8>),
     /// Sends these bytes instead of those that are under way.
     Jam(Vec<u8>),
+    /// Drops those of its bytes that have not begun.
+    Discard,
 }
 
 /// A station on the line.

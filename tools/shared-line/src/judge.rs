@@ -99,6 +99,7 @@ impl Record {
                 self.after_collision = None;
                 if bytes[..] == JAM { Ok(()) } else { Err(Rule::Jam) }
             }
+            Drive::Discard => Ok(()),
         }
     }
 

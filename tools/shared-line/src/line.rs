@@ -7,54 +7,14 @@ use std::time::Duration;
 use puente_framed::Random;
 use puente_line::{Instant, Settings};
 
-use crate::heard::{Drive, Heard, Node};
-use crate::judge::{Record, Rule, Rules, Violation};
-use crate::medium::{Arrival, Receiver};
+use crate::heard::{Heard, Node};
+use crate::judge::{Rule, Rules, Violation};
+use crate::medium::Arrival;
 use crate::noise::Noise;
+use crate::seat::{Place, Seat, Sense, bit_time};
 
 /// So often a station may ask to be polled again at the same time without doing anything.
 const IDLE_POLLS: u32 = 100;
-
-/// How a station notices that another is talking.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sense {
-    /// By the start bit, as a UART that can tell whether it is receiving.
-    StartBit,
-    /// By whole characters.
-    Character,
-}
-
-/// A station's place on the line, and its transceiver.
-#[derive(Clone, Copy, Debug)]
-pub struct Place {
-    /// Time that a signal takes from the line's end to here.
-    pub position: Duration,
-    /// Shortest time from a station's decision to its first bit on the line.
-    pub turnaround: Duration,
-    /// At most so much is added to it, at random.
-    pub jitter: Duration,
-    /// How it notices others.
-    pub sense: Sense,
-    /// It hears nothing.
-    pub deaf: bool,
-    /// Its manners are watched.
-    pub judged: bool,
-}
-
-impl Place {
-    /// At a line's beginning, a transceiver that takes 1 to 2 bit times at `line`'s rate, start bits noticed, judged.
-    pub fn new(line: Settings) -> Self {
-        let bit = Duration::from_nanos(bit_time(line));
-        Self {
-            position: Duration::ZERO,
-            turnaround: bit,
-            jitter: bit,
-            sense: Sense::StartBit,
-            deaf: false,
-            judged: true,
-        }
-    }
-}
 
 /// What has been on a line so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -72,6 +32,8 @@ pub struct Totals {
 /// A line with its stations.
 pub struct Line<N> {
     now: u64,
+    /// Until when it is known what happens: from then on somebody outside may tell a station something.
+    horizon: u64,
     bit: u64,
     character: u64,
     format_bits: u32,
@@ -84,29 +46,6 @@ pub struct Line<N> {
     longest_way: u64,
     shortcut: bool,
     totals: Totals,
-}
-
-struct Seat<N> {
-    node: N,
-    place: Place,
-    receiver: Receiver,
-    record: Record,
-    /// When the station wants to be polled; `u64::MAX` for never.
-    wake: u64,
-    idle_polls: u32,
-    talk: Option<Talk>,
-}
-
-/// What a station is sending.
-struct Talk {
-    bytes: Vec<u8>,
-    /// The next byte to begin.
-    next: usize,
-    /// When it begins, or, after the last, when that ends.
-    at: u64,
-    jam: bool,
-    /// The byte begun last.
-    last: u8,
 }
 
 #[derive(Clone, Copy)]
@@ -127,6 +66,7 @@ impl<N: Node> Line<N> {
         let bit = bit_time(line);
         Self {
             now: 0,
+            horizon: 0,
             bit,
             character: bit * u64::from(line.format.bits()),
             format_bits: line.format.bits(),
@@ -144,9 +84,7 @@ impl<N: Node> Line<N> {
 
     /// Puts a station onto the line; gives its place in [`Line::node`].
     pub fn join(&mut self, node: N, place: Place) -> usize {
-        let (receiver, record) = (Receiver::default(), Record::default());
-        let wake = self.now;
-        self.seats.push(Seat { node, place, receiver, record, wake, idle_polls: 0, talk: None });
+        self.seats.push(Seat::new(node, place, self.now));
         let positions = || self.seats.iter().map(|seat| seat.place.position);
         let way = positions().max().unwrap_or_default() - positions().min().unwrap_or_default();
         self.longest_way = way.as_nanos() as u64;
@@ -169,9 +107,24 @@ impl<N: Node> Line<N> {
         &mut self.seats[station].node
     }
 
+    /// A station, to take something from it; it is not polled for that.
+    pub fn node_mut(&mut self, station: usize) -> &mut N {
+        &mut self.seats[station].node
+    }
+
     /// The place of a station, to break it or to mend it.
     pub fn place(&mut self, station: usize) -> &mut Place {
         &mut self.seats[station].place
+    }
+
+    /// Bytes of a station that have not begun.
+    pub fn pending(&self, station: usize) -> usize {
+        self.seats[station].talk.as_ref().map_or(0, |talk| talk.bytes.len())
+    }
+
+    /// From now on noise turns each bit that a receiver hears round with this probability.
+    pub fn set_noise(&mut self, probability: f64) {
+        self.noise.set(probability);
     }
 
     /// Lets every character take the long way, which is what the short one is measured by.
@@ -185,6 +138,11 @@ impl<N: Node> Line<N> {
         micros(self.now)
     }
 
+    /// When something happens next, at the earliest; [`Line::run_until`] then.
+    pub fn poll_at(&self) -> Option<Instant> {
+        self.next_event().map(|(at, _)| Instant::from_micros(at.div_ceil(1_000)))
+    }
+
     /// What has been on the line.
     pub fn totals(&self) -> Totals {
         Totals { flipped: self.noise.flipped, ..self.totals }
@@ -196,6 +154,7 @@ impl<N: Node> Line<N> {
     /// The first [`Violation`] of a station that is judged; the line is of no use then.
     pub fn run_until(&mut self, time: Instant) -> Result<(), Violation> {
         let until = time.as_micros().saturating_mul(1_000);
+        self.horizon = until;
         while let Some((at, event)) = self.next_event() {
             if at > until {
                 break;
@@ -249,16 +208,18 @@ impl<N: Node> Line<N> {
         let Some(talk) = &mut seat.talk else {
             return Ok(());
         };
-        let Some(&byte) = talk.bytes.get(talk.next) else {
+        let Some(byte) = talk.bytes.pop_front() else {
             seat.talk = None;
             seat.record.ends();
             return Ok(());
         };
-        talk.next += 1;
-        talk.last = byte;
+        talk.last = Some(byte);
         talk.at = now + self.character;
         if seat.place.judged {
             seat.record.begins().map_err(|rule| Violation { station, at: now, rule })?;
+        }
+        if seat.place.mute {
+            return Ok(());
         }
         self.totals.characters += 1;
         self.totals.bits += u64::from(self.format_bits);
@@ -279,6 +240,7 @@ impl<N: Node> Line<N> {
     fn is_alone(&mut self, talker: usize) -> bool {
         let until = self.now + self.character + self.longest_way;
         let quiet = self.shortcut
+            && until <= self.horizon
             && self.on_the_way.is_empty()
             && self.seats.iter().enumerate().all(|(station, seat)| {
                 seat.wake > until
@@ -294,9 +256,9 @@ impl<N: Node> Line<N> {
         for seat in &mut self.seats {
             let at = self.now + self.character + way(from, seat.place.position);
             seat.record.quiet_from = at;
-            if !seat.place.deaf {
+            if seat.listens() {
                 seat.node.hear(micros(at), Heard::Byte(byte));
-                seat.wake = wake(&seat.node, at);
+                seat.wake_after(at);
             }
         }
     }
@@ -325,14 +287,13 @@ impl<N: Node> Line<N> {
         if let Some(talk) = &seat.talk
             && !talk.jam
             && !seat.place.deaf
-            && talk.next > 0
-            && heard != Heard::Byte(talk.last)
+            && talk.last.is_some_and(|last| heard != Heard::Byte(last))
         {
             seat.record.hears_collision();
         }
-        if !seat.place.deaf {
+        if seat.listens() {
             seat.node.hear(micros(now), heard);
-            seat.wake = wake(&seat.node, now);
+            seat.wake_after(now);
         }
     }
 
@@ -359,28 +320,11 @@ impl<N: Node> Line<N> {
             let jitter = (u64::from(self.random.next()) * jitter) >> 32;
             seat.drive(drive, now + seat.place.turnaround.as_nanos() as u64 + jitter);
         }
-        seat.wake = wake(&seat.node, now);
+        seat.wake_after(now);
         if seat.wake > now {
             seat.idle_polls = 0;
         }
         if seat.idle_polls > IDLE_POLLS { Err(violation(Rule::Spins)) } else { Ok(()) }
-    }
-}
-
-impl<N> Seat<N> {
-    /// Sends something, from `at` on if the transmitter is off.
-    fn drive(&mut self, drive: Drive, at: u64) {
-        match (drive, &mut self.talk) {
-            (Drive::Transmit(bytes), Some(talk)) => talk.bytes.extend(bytes),
-            (Drive::Transmit(bytes), None) => {
-                self.talk = Some(Talk { bytes, next: 0, at, jam: false, last: 0 });
-            }
-            // Not even one character may have begun: then nothing is left of them.
-            (Drive::Jam(bytes), Some(talk)) => *talk = Talk { bytes, next: 0, jam: true, ..*talk },
-            (Drive::Jam(bytes), None) => {
-                self.talk = Some(Talk { bytes, next: 0, at, jam: true, last: 0 });
-            }
-        }
     }
 }
 
@@ -395,18 +339,10 @@ fn disturbed(heard: Heard, mask: u32, bits: u32) -> Heard {
     }
 }
 
-fn wake<N: Node>(node: &N, now: u64) -> u64 {
-    node.poll_at().map_or(u64::MAX, |at| at.as_micros().saturating_mul(1_000).max(now))
-}
-
 fn way(from: Duration, to: Duration) -> u64 {
     from.abs_diff(to).as_nanos() as u64
 }
 
 fn micros(nanos: u64) -> Instant {
     Instant::from_micros(nanos / 1_000)
-}
-
-fn bit_time(line: Settings) -> u64 {
-    1_000_000_000 / u64::from(line.baud.max(1))
 }

@@ -18,6 +18,12 @@ impl Noise {
         noise
     }
 
+    /// From now on with another probability.
+    pub fn set(&mut self, probability: f64) {
+        self.probability = probability;
+        self.ahead = self.distance();
+    }
+
     /// Whether the next `bits` all pass; they have, then.
     pub fn pass(&mut self, bits: u64) -> bool {
         let quiet = self.ahead >= bits;

@@ -4,10 +4,10 @@ mod common;
 
 use common::fast;
 use puente_framed::frame::{self, MAX_FRAME};
-use puente_framed::pid::{Form, Setting};
 use puente_framed::station::{Action, Config};
 use puente_framed::{Kind, Station, section};
 use puente_line::Instant;
+use puente_modules::{Form, Setting};
 use puente_shared_line::station::{Application, Framed};
 use puente_shared_line::{Line, Place};
 
@@ -86,9 +86,15 @@ fn a_frame_of_the_thesis_is_answered() {
     let mut answers = side(0).answers.clone();
     answers.sort_by_key(|(from, _)| *from);
     assert_eq!(answers, [17, 18, 19].map(|from| (from, Kind::Receipt { lrc })));
-    assert_eq!(side(1).taken, Some(Setting { kp: 2.5, ki: 0.05, kd: 0.001, set_point: 12_000.0 }));
-    assert_eq!(side(2).taken, Some(Setting { kp: 1.75, ki: 0.1, kd: 0.0, set_point: -340.5 }));
-    assert_eq!(side(3).taken, Some(Setting { kp: 10.0, ki: 2.0, kd: 0.25, set_point: 99_999_999.0 }));
+    assert_eq!(
+        side(1).taken,
+        Some(Setting { kp: 2.5, ki: 0.05, kd: 0.001, set_point: 12_000.0, order: None })
+    );
+    assert_eq!(side(2).taken, Some(Setting { kp: 1.75, ki: 0.1, kd: 0.0, set_point: -340.5, order: None }));
+    assert_eq!(
+        side(3).taken,
+        Some(Setting { kp: 10.0, ki: 2.0, kd: 0.25, set_point: 99_999_999.0, order: None })
+    );
     assert_eq!((side(4).taken, side(4).posted), (None, 0), "it was not for this one");
     // All three answer at the same time, and sort it out.
     assert!(line.nodes().map(|node| node.station.statistics().collisions).sum::<u32>() > 0);

@@ -33,7 +33,7 @@ pub fn run(arguments: &[String]) -> Outcome {
     let ports = [port("--port", PORTS[0])?, port("--modbus-port", PORTS[1])?];
     options.end()?;
     let image = image(firmware::build)?;
-    run_command(cargo().args(["build", "--package", "puente-cell", "--bin", "cell", "--quiet"]))?;
+    run_command(cargo().args(["build", "--package", "cell", "--bin", "cell", "--quiet"]))?;
     let cell = Cell::start(&mut Command::new(target_dir()?.join("debug/cell")))?;
     let setup = Setup { ports, ..Setup::new(image, cell.line) };
     let mut board = Emulator::start(&setup, |line| eprintln!("{line}"))?;

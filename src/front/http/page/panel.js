@@ -1,7 +1,8 @@
 "use strict";
 
-const HOLD_MS = 500;      // how long the gateway keeps a jog going without word from this page
+const HOLD_MS = { jog: 500, move: 1000 }; // how long the gateway keeps one going without word from this page
 const POLL_MS = 250;      // pause between two readings
+const LIVE_MS = 125;      // the same while a move runs
 const STALE_MS = 2000;    // values older than this are shown as old
 const PATIENCE_MS = 4000; // an answer that takes longer counts as lost
 
@@ -31,8 +32,8 @@ function either(a, b) {
   return both.signal;
 }
 
-const command = (axis, verb, body) => ask(`api/axes/${axis.name}/${verb}`, {
-  method: "POST",
+const send = (axis, verb, body, method = "POST") => ask(`api/axes/${axis.name}/${verb}`, {
+  method,
   keepalive: true,
   ...(body && { body: JSON.stringify(body), headers: { "Content-Type": "application/json" } }),
 });
@@ -41,7 +42,7 @@ const command = (axis, verb, body) => ask(`api/axes/${axis.name}/${verb}`, {
 async function sendStop(axis) {
   for (let attempt = 1; ; attempt++) {
     try {
-      return await command(axis, "stop");
+      return await send(axis, "stop");
     } catch (error) {
       if (attempt === 3) throw new Error(`stop not confirmed: ${error.message}`);
       await pause(150);
@@ -66,77 +67,130 @@ async function stopAll() {
   button.classList.remove("busy");
 }
 
+const off = (button) => button.getAttribute("aria-disabled") === "true";
+
 function press(axis, direction, button) {
-  if (button.getAttribute("aria-disabled") === "true" || axis.direction) return;
-  tell(axis, "");
+  if (off(button) || axis.order) return;
   button.classList.add("held");
-  axis.direction = direction;
-  axis.grip += 1;
+  begin(axis, "jog", () => ({ rpm: direction * axis.speed() }));
+}
+
+// Starts a motion, or gives the one that runs another target.
+function begin(axis, verb, body) {
+  tell(axis, "");
+  if (!axis.order) axis.grip += 1;
+  axis.order = { verb, body, renewed: performance.now() };
+  axis.wake();
   if (!axis.driving) drive(axis);
 }
 
 function letGo(axis) {
-  axis.direction = 0;
+  axis.order = null;
   axis.grip += 1;
   axis.held.forEach((button) => button.classList.remove("held"));
 }
 
 function release(axis) {
-  if (axis.direction) stop(axis).catch((error) => tell(axis, error.message));
+  if (axis.order) stop(axis).catch((error) => tell(axis, error.message));
 }
 
 const releaseAll = () => axes.forEach((axis) => release(axis));
+const releaseJogs = () => axes.forEach((axis) => axis.order?.verb === "jog" && release(axis));
 
-// Renews the jog while a button is held; never more than one request under way.
+// Renews a motion: a jog while its button is held, a move while this page is looked at. Never more than one request
+// under way.
 async function drive(axis) {
   axis.driving = true;
-  while (axis.direction) {
-    const grip = axis.grip;
+  while (axis.order) {
+    const { grip, order } = axis;
+    const [now, hold] = [performance.now(), HOLD_MS[order.verb]];
     try {
-      await command(axis, "jog", { rpm: axis.direction * axis.speed(), hold_ms: HOLD_MS });
+      // What the gateway has ended does not begin again by itself.
+      if (order.verb === "move" && now - order.renewed > hold) throw new Error("the move has ended: the gateway was slow to answer");
+      await send(axis, order.verb, { ...order.body(), hold_ms: hold });
+      order.renewed = now;
     } catch (error) {
       if (axis.grip === grip) letGo(axis);
       tell(axis, error.message);
     }
     // Let go while the request was under way: it may have arrived after the stop.
     if (axis.grip !== grip) await sendStop(axis).catch((error) => tell(axis, error.message));
-    else await pause(HOLD_MS / 3);
+    else if (axis.order === order) await Promise.race([pause(hold / 3), new Promise((wake) => { axis.wake = wake; })]);
   }
   axis.driving = false;
 }
 
-function build(name) {
+// Axes of drive "edb": a servo drive that jogs. pid.js has the other kind.
+const edb = {
+  build(axis) {
+    const { part } = axis;
+    axis.held = [part("reverse"), part("forward")];
+    const [range, number] = [part("range"), part("number")];
+    const limit = (value) => Math.min(Math.max(Math.round(value) || 1, 1), Number(number.max) || 1);
+    axis.speed = () => limit(number.value);
+    range.addEventListener("input", () => { number.value = range.value; });
+    number.addEventListener("input", () => { range.value = limit(number.value); });
+    number.addEventListener("change", () => { number.value = limit(number.value); });
+
+    for (const [button, direction] of [[part("reverse"), -1], [part("forward"), 1]]) {
+      button.addEventListener("pointerdown", (event) => {
+        if (event.button !== 0) return;
+        button.setPointerCapture(event.pointerId);
+        press(axis, direction, button);
+      });
+      for (const end of ["pointerup", "pointercancel", "lostpointercapture", "blur"]) {
+        button.addEventListener(end, () => button.classList.contains("held") && release(axis));
+      }
+      button.addEventListener("contextmenu", (event) => event.preventDefault());
+      button.addEventListener("keydown", (event) => {
+        if (event.key === "Enter" && !event.repeat) press(axis, direction, button);
+      });
+      button.addEventListener("keyup", (event) => event.key === "Enter" && release(axis));
+    }
+  },
+
+  state(data) {
+    if (data.alarm) return ["bad", `alarm ${data.alarm}`];
+    if (data.jog_rpm) return ["warn", "jogging"];
+    if (data.enabled) return ["good", "enabled"];
+    return ["", data.enabled === false ? "disabled" : "servo unknown"];
+  },
+
+  alarm: (data) => data.alarm && `Alarm ${data.alarm}: ${data.alarm_text}`,
+
+  show(axis, data, write) {
+    const { part } = axis;
+    if (part("number").max !== String(data.max_rpm)) {
+      part("number").max = part("range").max = data.max_rpm;
+      part("number").value = part("range").value = Math.min(100, data.max_rpm);
+    }
+    write("speed", figure(data.speed_rpm));
+    write("jog", figure(data.jog_rpm));
+    write("torque", figure(data.torque_percent));
+    write("position", figure(data.position_pulses));
+    const share = Math.max(-1, Math.min(1, (data.speed_rpm ?? 0) / data.max_rpm));
+    part("bar").style.transform = `scaleX(${share})`;
+    write("flags", data.status === null ? "" : [`${data.status}h`, ...data.flags].join(" "));
+    for (const button of axis.held) button.setAttribute("aria-disabled", data.enabled === false || !data.online);
+  },
+
+  hear() {},
+  draw() {},
+};
+
+const kinds = { edb, pid };
+
+function build({ name, drive }) {
   const card = $("axis").content.firstElementChild.cloneNode(true);
   const part = (key) => card.querySelector(`[data-${key}]`);
-  const axis = { name, card, part, direction: 0, grip: 0, driving: false, trouble: "", last: null };
-  axis.held = [part("reverse"), part("forward")];
+  const axis = { name, card, part, kind: kinds[drive], order: null, grip: 0, driving: false, wake() {}, held: [], trouble: "", last: null };
+  for (const other of Object.keys(kinds)) {
+    if (other !== drive) card.querySelectorAll(`.${other}`).forEach((element) => element.remove());
+  }
   card.setAttribute("aria-label", `axis ${name}`);
   part("name").textContent = name;
-
-  const [range, number] = [part("range"), part("number")];
-  const limit = (value) => Math.min(Math.max(Math.round(value) || 1, 1), Number(number.max) || 1);
-  axis.speed = () => limit(number.value);
-  range.addEventListener("input", () => { number.value = range.value; });
-  number.addEventListener("input", () => { range.value = limit(number.value); });
-  number.addEventListener("change", () => { number.value = limit(number.value); });
-
-  for (const [button, direction] of [[part("reverse"), -1], [part("forward"), 1]]) {
-    button.addEventListener("pointerdown", (event) => {
-      if (event.button !== 0) return;
-      button.setPointerCapture(event.pointerId);
-      press(axis, direction, button);
-    });
-    for (const end of ["pointerup", "pointercancel", "lostpointercapture", "blur"]) {
-      button.addEventListener(end, () => button.classList.contains("held") && release(axis));
-    }
-    button.addEventListener("contextmenu", (event) => event.preventDefault());
-    button.addEventListener("keydown", (event) => {
-      if (event.key === "Enter" && !event.repeat) press(axis, direction, button);
-    });
-    button.addEventListener("keyup", (event) => event.key === "Enter" && release(axis));
-  }
+  axis.kind.build(axis);
   const act = (key, action) => part(key).addEventListener("click", () => {
-    if (part(key).getAttribute("aria-disabled") === "true") return;
     tell(axis, "");
     action().catch((error) => tell(axis, error.message));
   });
@@ -144,7 +198,7 @@ function build(name) {
   for (const verb of ["enable", "disable", "clear"]) {
     act(verb, () => {
       release(axis);
-      return command(axis, verb);
+      return send(axis, verb);
     });
   }
   $("axes").append(card);
@@ -152,59 +206,41 @@ function build(name) {
 }
 
 const age = (ms) => ms < 10_000 ? `${(ms / 1000).toFixed(1)} s` : ms < 120_000 ? `${Math.round(ms / 1000)} s` : `${Math.round(ms / 60_000)} min`;
-const figure = (value) => value === null ? "–" : String(value).replace("-", "−").replace(/\B(?=(\d{3})+$)/g, "\u2009");
+const figure = (value) => value == null ? "–" : String(value).replace("-", "−").replace(/\B(?=(\d{3})+$)/g, "\u2009");
 
 function tell(axis, text) {
   axis.trouble = text;
   if (axis.last) show(axis, axis.last);
 }
 
-function state(data) {
-  if (!data.online) return ["bad", "offline"];
-  if (data.alarm) return ["bad", `alarm ${data.alarm}`];
-  if (data.jog_rpm) return ["warn", "jogging"];
-  if (data.enabled) return ["good", "enabled"];
-  return ["", data.enabled === false ? "disabled" : "servo unknown"];
-}
-
-function notes(axis, data) {
-  const { alarm, alarm_text, event, error, lease } = data;
+function notes(axis, data, alarm) {
+  const { event, error, lease } = data;
   const texts = [];
   if (axis.trouble) texts.push(axis.trouble);
-  if (alarm) texts.push(`Alarm ${alarm}: ${alarm_text}`);
+  if (alarm) texts.push(alarm);
   if (error) texts.push(error.message);
   if (event) texts.push(`${event.cause.replaceAll("-", " ")}, ${age(event.age_ms)} ago (${event.holder})`);
-  if (lease && !axis.direction && !texts.length) texts.push(`${lease.holder} commands this axis`);
+  if (lease && !axis.order && !texts.length) texts.push(`${lease.holder} commands this axis`);
   return texts.map((text) => text[0].toUpperCase() + text.slice(1)).join(". ");
 }
 
 function show(axis, data) {
-  const { part, card } = axis;
+  const { part, card, kind } = axis;
   const write = (key, text) => { if (part(key).textContent !== text) part(key).textContent = text; };
   axis.last = data;
-  if (part("number").max !== String(data.max_rpm)) {
-    part("number").max = part("range").max = data.max_rpm;
-    part("number").value = part("range").value = Math.min(100, data.max_rpm);
-  }
+  kind.show(axis, data, write);
   write("where", `${data.drive.toUpperCase()} · bus ${data.bus} · address ${data.address}`);
-  const [mood, word] = state(data);
+  const [mood, word] = data.online ? kind.state(data) : ["bad", "offline"];
   part("state").className = `state ${mood}`;
   write("state", word);
-  write("speed", figure(data.speed_rpm));
-  write("jog", figure(data.jog_rpm));
-  write("torque", figure(data.torque_percent));
-  write("position", figure(data.position_pulses));
-  const share = Math.max(-1, Math.min(1, (data.speed_rpm ?? 0) / data.max_rpm));
-  part("bar").style.transform = `scaleX(${share})`;
-  write("flags", data.status === null ? "" : [`${data.status}h`, ...data.flags].join(" "));
   write("age", data.age_ms === null ? "never read" : `${age(data.age_ms)} ago`);
   card.classList.toggle("stale", data.age_ms === null || data.age_ms > STALE_MS || !data.online);
-  const text = notes(axis, data);
+  const alarm = kind.alarm(data);
+  const text = notes(axis, data, alarm);
   part("note").hidden = !text;
-  part("note").classList.toggle("bad", Boolean(axis.trouble || data.alarm || data.error));
-  part("clear").hidden = !(data.alarm || data.event);
+  part("note").classList.toggle("bad", Boolean(axis.trouble || alarm || data.error));
+  part("clear").hidden = !(alarm || data.event);
   write("text", text);
-  for (const button of axis.held) button.setAttribute("aria-disabled", data.enabled === false || !data.online);
   part("enable").setAttribute("aria-pressed", data.enabled === true);
   part("disable").setAttribute("aria-pressed", data.enabled === false);
 }
@@ -256,39 +292,52 @@ function link(mood, text) {
 
 async function read() {
   const list = await ask("api/axes", { signal: polling.signal });
-  const names = new Set(list.map((data) => data.name));
   for (const [name, axis] of axes) {
-    if (!names.has(name)) {
+    if (!list.some((data) => data.name === name && kinds[data.drive] === axis.kind)) {
       axis.card.remove();
       axes.delete(name);
     }
   }
   for (const data of list) {
-    if (!axes.has(data.name)) axes.set(data.name, build(data.name));
-    show(axes.get(data.name), data);
+    if (!axes.has(data.name)) axes.set(data.name, build(data));
+    const axis = axes.get(data.name);
+    axis.kind.hear(axis, data);
+    show(axis, data);
   }
 }
 
+const moves = () => [...axes.values()].some((axis) => axis.last?.state === "following");
+
 async function watch() {
+  const others = [
+    { path: "api/system", show: showSystem, every: 10_000, due: 0 },
+    { path: "api/buses", show: showBuses, every: 1000, due: 0 },
+    { path: "api/config/state", show: showTrial, every: 1000, due: 500 },
+  ];
   let since = "";
-  for (let round = 0; ; round++) {
+  for (;;) {
     if (document.hidden) await new Promise((shown) => document.addEventListener("visibilitychange", shown, { once: true }));
     if (polling.signal.aborted) polling = new AbortController();
     try {
       await read();
-      if (round % 40 === 0) showSystem(await ask("api/system", { signal: polling.signal }));
-      if (round % 4 === 0) showBuses(await ask("api/buses", { signal: polling.signal }));
-      if (round % 4 === 2) showTrial(await ask("api/config/state", { signal: polling.signal }));
+      for (const other of others) {
+        if (performance.now() < other.due) continue;
+        other.due = performance.now() + other.every;
+        other.show(await ask(other.path, { signal: polling.signal }));
+      }
       since = "";
       banner("lost", "");
       link("up", location.host);
-      await pause(POLL_MS);
+      await pause(moves() ? LIVE_MS : POLL_MS);
     } catch (error) {
       if (polling.signal.aborted) continue;
       since ||= new Date().toLocaleTimeString();
-      banner("lost", `Connection lost at ${since}: ${error.message}. The values are old. The gateway ends a jog ${HOLD_MS} ms after its last word from this page.`);
+      banner("lost", `Connection lost at ${since}: ${error.message}. The values are old. The gateway ends a jog ${HOLD_MS.jog} ms, a move ${HOLD_MS.move} ms after its last word from this page.`);
       link("down", "no connection");
-      axes.forEach((axis) => axis.card.classList.add("stale"));
+      axes.forEach((axis) => {
+        axis.card.classList.add("stale");
+        axis.kind.draw(axis);
+      });
       await pause(1000);
     }
   }
@@ -301,7 +350,7 @@ addEventListener("keydown", (event) => {
   if (!event.repeat) stopAll();
 }, true);
 addEventListener("keyup", (event) => isStop(event) && event.preventDefault(), true);
-addEventListener("blur", releaseAll);
+addEventListener("blur", releaseJogs);
 addEventListener("pagehide", releaseAll);
 document.addEventListener("visibilitychange", () => document.hidden && releaseAll());
 $("stop-all").addEventListener("click", stopAll);

@@ -119,7 +119,8 @@ fn the_longest_fits_the_buffer() {
     // As long as the settings take.
     let units =
         (100..=247).step_by(2).map(|unit| std::format!("{unit}")).collect::<std::vec::Vec<_>>().join(",");
-    bus.units = units[..127].parse().expect("units");
+    let units = units[..127].parse().expect("units");
+    bus.protocol = settings::Protocol::ModbusAscii(settings::Modbus { units, ..Default::default() });
     let most = u32::MAX;
     let statistics = Statistics {
         submitted: most,

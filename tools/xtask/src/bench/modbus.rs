@@ -35,7 +35,7 @@ pub fn run() -> Outcome {
 }
 
 fn build() -> Result<Bench, String> {
-    let packages = ["--package", "puente", "--package", "puente-cell"];
+    let packages = ["--package", "puente", "--package", "cell"];
     run_command(cargo().args(["build", "--release", "--quiet", "--bins"]).args(packages))?;
     let target = target_dir()?;
     let scratch = target.join("bench");

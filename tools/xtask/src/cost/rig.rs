@@ -38,7 +38,7 @@ pub struct Rig {
 impl Rig {
     pub fn start() -> Result<Self, String> {
         let image = emulate::image(firmware::build_for_tests)?;
-        run_command(cargo().args(["build", "--package", "puente-cell", "--bin", "cell", "--quiet"]))?;
+        run_command(cargo().args(["build", "--package", "cell", "--bin", "cell", "--quiet"]))?;
         let library = plugin()?;
         let target = target_dir()?;
         let mut cell = Command::new(target.join("debug/cell"));

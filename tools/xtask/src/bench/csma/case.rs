@@ -4,9 +4,10 @@ use std::time::Duration;
 
 use puente_framed::arbiter::{Config, Policy};
 use puente_line::{Instant, Settings};
+use puente_shared_line::talker::{Load, Talker, frame_of};
 use puente_shared_line::{Line, Place};
 
-use super::talker::{Load, Station, Talker};
+use super::station::Station;
 
 /// The whole cable, as a signal travels: about 100 m.
 const CABLE: Duration = Duration::from_nanos(500);
@@ -57,7 +58,8 @@ pub fn measure(config: Config, case: Case, time: Duration) -> Result<Figures, St
     });
     for station in 0..case.stations {
         let seed = 0x5EED + 7_919 * station as u64;
-        let talker = Talker::new(config, station as u8 + 1, case.length, load, seed);
+        let frame = frame_of(station as u8 + 1, 17, case.length);
+        let talker = Talker::new(config, frame, load, seed);
         let position = CABLE.mul_f64(station as f64 / case.stations.max(2).saturating_sub(1) as f64);
         let place = Place { position, ..Place::new(config.line) };
         line.join(Station::Talker(Box::new(talker)), place);
@@ -67,7 +69,7 @@ pub fn measure(config: Config, case: Case, time: Duration) -> Result<Figures, St
     line.run_until(settle).map_err(|violation| violation.to_string())?;
     for station in 0..case.stations {
         if let Station::Talker(talker) = line.tell(station) {
-            talker.seen.delays.clear();
+            talker.seen.delays = Some(Vec::new());
         }
     }
     let mut seen = vec![counts(&line)];
@@ -139,7 +141,7 @@ fn figures(
     let mut delays: Vec<Duration> = Vec::new();
     for node in line.nodes() {
         if let Station::Talker(talker) = node {
-            delays.extend(&talker.seen.delays);
+            delays.extend(talker.seen.delays.iter().flatten());
         }
     }
     delays.sort_unstable();

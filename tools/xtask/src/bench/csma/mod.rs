@@ -5,7 +5,7 @@
 mod case;
 mod chart;
 mod page;
-mod talker;
+mod station;
 
 use std::time::Duration;
 

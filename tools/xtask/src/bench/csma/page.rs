@@ -2,9 +2,10 @@
 
 use std::time::Duration;
 
+use puente_shared_line::talker::QUEUE;
+
 use super::case::{Figures, SHORT, frame_bits};
 use super::chart::{self, Axis, Curve, Plot};
-use super::talker::QUEUE;
 use super::{LEAST, LENGTHS, LOADED, Row, STATIONS, TIME, Table, metcalfe_boggs};
 use crate::bench::samples::ms;
 

@@ -1,26 +1,35 @@
-//! DAT for a position controller: Kp, Ki, Kd and set-point, in this order.
+//! DAT for a module: Kp, Ki, Kd and set-point, in this order, then the [`Order`].
 //!
-//! The order and the text are those of the thesis' `GetData` and `extractData` (its prose names Kd before Ki). A length is
-//! the character `0` plus the number of characters that follow, as `GetData` has it, which takes 48 off. Zeros may follow
-//! the four values, since the thesis sends sections of 255 bytes whatever is in them (assumed).
+//! The order and the text of the four are those of the thesis' `GetData` and `extractData` (its prose names Kd before Ki).
+//! A length is the character `0` plus the number of characters that follow, as `GetData` has it, which takes 48 off. The
+//! [`Order`] is this project's: in text a fifth value of one digit, in binary that digit alone. Frames of the thesis have
+//! none. Zeros may follow the values, since the thesis sends sections of 255 bytes whatever is in them (assumed).
 
 use core::fmt::{self, Write};
+
+use heapless::Vec;
+use puente_drives::pid::Gains;
+
+use crate::Order;
 
 /// Characters of the longest number: with more, the thesis' buffer of 10 would have no room for the end of its string.
 pub const MAX_DIGITS: usize = 9;
 /// Bytes of the longest DAT that we send.
-pub const MAX_DATA: usize = 4 * (1 + MAX_DIGITS);
+pub const MAX_DATA: usize = 4 * (1 + MAX_DIGITS) + 2;
+/// The furthest set-point either way, counts: an f32 has all whole numbers up to here.
+pub const MAX_SET_POINT: i32 = 1 << 24;
 
 /// How the values are written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Form {
     /// Each as decimal text, its length before it: `4` `12.5`.
+    #[default]
     Text,
     /// Four `f32`, big-endian.
     Binary,
 }
 
-/// What a position controller shall do.
+/// What a section says to a module.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setting {
     /// Proportional gain.
@@ -29,8 +38,10 @@ pub struct Setting {
     pub ki: f32,
     /// Derivative gain.
     pub kd: f32,
-    /// Position to go to, in counts of the encoder. All whole numbers up to 2^24 either way are exact.
+    /// Position to go to, in counts of the encoder.
     pub set_point: f32,
+    /// What the module shall be at; none in frames of the thesis.
+    pub order: Option<Order>,
 }
 
 /// Why data are no setting, or a setting cannot be written.
@@ -50,7 +61,7 @@ pub enum DataError {
         /// Which value, from 0 on.
         value: u8,
     },
-    /// Something other than zeros follows the values.
+    /// The fifth value is no order, or something other than zeros follows the values.
     Surplus,
     /// Nine characters do not hold the value to three digits.
     Precision {
@@ -69,7 +80,7 @@ impl fmt::Display for DataError {
                 write!(f, "the length of {} is {received:02X}h; expected `1` to `9`", name(value))
             }
             Self::Number { value } => write!(f, "{} is no finite decimal number", name(value)),
-            Self::Surplus => f.write_str("something follows the set-point"),
+            Self::Surplus => f.write_str("what follows the set-point is no order, or more"),
             Self::Precision { value } => write!(f, "9 characters do not hold {}", name(value)),
         }
     }
@@ -91,11 +102,18 @@ impl Setting {
                 Form::Binary => binary(value, rest)?,
             };
         }
+        let (order, rest) = match (form, rest) {
+            (_, [] | [0, ..]) => (None, rest),
+            (Form::Text, [b'1', digit, rest @ ..]) | (Form::Binary, [digit, rest @ ..]) => {
+                (Some(Order::from_digit(*digit).ok_or(DataError::Surplus)?), rest)
+            }
+            _ => return Err(DataError::Surplus),
+        };
         if rest.iter().any(|byte| *byte != 0) {
             return Err(DataError::Surplus);
         }
         let [kp, ki, kd, set_point] = values;
-        Ok(Self { kp, ki, kd, set_point })
+        Ok(Self { kp, ki, kd, set_point, order })
     }
 
     /// Writes DAT.
@@ -103,26 +121,76 @@ impl Setting {
     /// # Errors
     /// `Number` where a value is not finite; `Precision` where its text would be off by more than a thousandth, as that
     /// of 0.000000012 or of 1e10.
-    pub fn emit(&self, form: Form) -> Result<heapless::Vec<u8, MAX_DATA>, DataError> {
-        let mut data = heapless::Vec::new();
+    pub fn emit(&self, form: Form) -> Result<Vec<u8, MAX_DATA>, DataError> {
+        let mut data = Vec::new();
         for (value, number) in (0..).zip([self.kp, self.ki, self.kd, self.set_point]) {
-            if !number.is_finite() {
-                return Err(DataError::Number { value });
-            }
-            // MAX_DATA bytes hold the four values in either form, so that nothing is refused.
-            match form {
-                Form::Text => {
-                    let digits = digits(number).ok_or(DataError::Precision { value })?;
-                    let _ = data.push(b'0' + digits.len() as u8);
-                    let _ = data.extend_from_slice(digits.as_bytes());
-                }
-                Form::Binary => {
-                    let _ = data.extend_from_slice(&number.to_be_bytes());
-                }
-            }
+            push(&mut data, form, value, number)?;
+        }
+        if let Some(order) = self.order {
+            push_order(&mut data, form, order);
         }
         Ok(data)
     }
+
+    /// The set-point as whole counts, to the nearest; `None` beyond [`MAX_SET_POINT`].
+    pub fn counts(&self) -> Option<i32> {
+        let most = MAX_SET_POINT as f32;
+        if !(-most..=most).contains(&self.set_point) {
+            return None;
+        }
+        let whole = self.set_point as i32;
+        let part = self.set_point - whole as f32;
+        Some(whole + i32::from(part >= 0.5) - i32::from(part <= -0.5))
+    }
+}
+
+/// Whether gains can be written, to a thousandth in [`Form::Text`].
+///
+/// # Errors
+/// `Precision`, see [`Setting::emit`].
+pub fn check(form: Form, gains: Gains) -> Result<(), DataError> {
+    let mut data = Vec::new();
+    push_gains(&mut data, form, gains)
+}
+
+/// Appends Kp, Ki, Kd.
+pub(crate) fn push_gains(data: &mut Vec<u8, MAX_DATA>, form: Form, gains: Gains) -> Result<(), DataError> {
+    let numbers = [gains.kp(), gains.ki(), gains.kd()];
+    (0..).zip(numbers).try_for_each(|(value, number)| push(data, form, value, number))
+}
+
+// MAX_DATA bytes hold the four values and the order in either form, so that nothing is refused.
+
+fn push(data: &mut Vec<u8, MAX_DATA>, form: Form, value: u8, number: f32) -> Result<(), DataError> {
+    if !number.is_finite() {
+        return Err(DataError::Number { value });
+    }
+    match form {
+        Form::Text => {
+            let digits = digits(number).ok_or(DataError::Precision { value })?;
+            push_digits(data, digits).ok_or(DataError::Precision { value })
+        }
+        Form::Binary => {
+            let _ = data.extend_from_slice(&number.to_be_bytes());
+            Ok(())
+        }
+    }
+}
+
+/// A length and its digits.
+fn push_digits(data: &mut Vec<u8, MAX_DATA>, digits: impl fmt::Display) -> Option<()> {
+    let mut text = heapless::String::<MAX_DIGITS>::new();
+    write!(text, "{digits}").ok()?;
+    let _ = data.push(b'0' + text.len() as u8);
+    let _ = data.extend_from_slice(text.as_bytes());
+    Some(())
+}
+
+fn push_order(data: &mut Vec<u8, MAX_DATA>, form: Form, order: Order) {
+    if form == Form::Text {
+        let _ = data.push(b'1');
+    }
+    let _ = data.push(order.digit());
 }
 
 fn text(value: u8, data: &[u8]) -> Result<(f32, &[u8]), DataError> {

@@ -1,0 +1,222 @@
+//! An axis: one flat table in a document, an enum of drives here, as with a [bus](super::bus).
+
+use core::fmt;
+
+use puente_drives::edb::Registers;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, SeqAccess, Visitor};
+use serde::ser::SerializeStruct;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::Name;
+
+/// An axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// Its name, unique.
+    pub name: Name,
+    /// The name of its bus.
+    pub bus: Name,
+    /// Address of the drive on its bus: 1 to 247, on a framed bus 1 to 254.
+    pub address: u8,
+    /// What drives it.
+    pub drive: Drive,
+    /// A key that the document has and the drive has not: [`check`](super::Settings::check) refuses it.
+    pub stray: Option<&'static str>,
+}
+
+/// What drives an axis, and what goes with that.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Drive {
+    /// An EDB servo drive.
+    Edb(Edb),
+    /// A PID interface module.
+    Pid(Pid),
+}
+
+/// What an EDB drive has.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct Edb {
+    /// Highest jog speed, in r/min.
+    pub max_rpm: u16,
+    /// Registers that differ from the EDB family's.
+    #[serde(deserialize_with = "or_family")]
+    pub registers: Registers,
+}
+
+/// What a PID module has.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+pub struct Pid {
+    /// How the gateway writes to it.
+    pub payload: Payload,
+    /// Kp, Ki and Kd, as the drive's [`Gains`](puente_drives::pid::Gains) has them; none until somebody gives some.
+    pub gains: Option<[f32; 3]>,
+}
+
+/// How numbers are written to a PID module.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Payload {
+    /// As decimal text, in the form of the thesis.
+    #[default]
+    Text,
+    /// As `f32`.
+    Binary,
+}
+
+impl Default for Edb {
+    fn default() -> Self {
+        Self { max_rpm: 3000, registers: Registers::default() }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Kind {
+    Edb,
+    Pid,
+}
+
+impl Drive {
+    /// As written in the settings.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Drive::Edb(_) => "edb",
+            Drive::Pid(_) => "pid",
+        }
+    }
+
+    const fn kind(&self) -> Kind {
+        match self {
+            Drive::Edb(_) => Kind::Edb,
+            Drive::Pid(_) => Kind::Pid,
+        }
+    }
+}
+
+/// The family's registers are written as none, for what is compact has no keys that could be left out.
+fn unless_family(registers: &Registers) -> Option<&Registers> {
+    (*registers != Registers::default()).then_some(registers)
+}
+
+fn or_family<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Registers, D::Error> {
+    Option::<Registers>::deserialize(deserializer).map(Option::unwrap_or_default)
+}
+
+/// An axis as a document has it, with the keys of every drive.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Table {
+    name: Name,
+    bus: Name,
+    drive: Kind,
+    address: u8,
+    max_rpm: Option<u16>,
+    registers: Option<Registers>,
+    payload: Option<Payload>,
+    gains: Option<[f32; 3]>,
+}
+
+const KEYS: &[&str] = &["name", "bus", "drive", "address", "max_rpm", "registers", "payload", "gains"];
+
+impl Table {
+    fn edb(&self) -> Edb {
+        let usual = Edb::default();
+        Edb {
+            max_rpm: self.max_rpm.unwrap_or(usual.max_rpm),
+            registers: self.registers.unwrap_or(usual.registers),
+        }
+    }
+
+    fn pid(&self) -> Pid {
+        Pid { payload: self.payload.unwrap_or_default(), gains: self.gains }
+    }
+
+    /// The first key that is given and that another drive has.
+    fn stray(&self) -> Option<&'static str> {
+        let others = [
+            (Kind::Edb, "max_rpm", self.max_rpm.is_some()),
+            (Kind::Edb, "registers", self.registers.is_some()),
+            (Kind::Pid, "payload", self.payload.is_some()),
+            (Kind::Pid, "gains", self.gains.is_some()),
+        ];
+        let stray = others.iter().find(|(kind, _, given)| *given && *kind != self.drive);
+        stray.map(|(_, key, _)| *key)
+    }
+}
+
+impl From<Table> for Axis {
+    fn from(table: Table) -> Self {
+        Self {
+            drive: match table.drive {
+                Kind::Edb => Drive::Edb(table.edb()),
+                Kind::Pid => Drive::Pid(table.pid()),
+            },
+            stray: table.stray(),
+            name: table.name,
+            bus: table.bus,
+            address: table.address,
+        }
+    }
+}
+
+impl Serialize for Axis {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut table = serializer.serialize_struct("Axis", KEYS.len())?;
+        table.serialize_field("name", &self.name)?;
+        table.serialize_field("bus", &self.bus)?;
+        table.serialize_field("drive", &self.drive.kind())?;
+        table.serialize_field("address", &self.address)?;
+        // In the order of the compact form.
+        match &self.drive {
+            Drive::Edb(edb) => {
+                table.serialize_field("max_rpm", &edb.max_rpm)?;
+                table.serialize_field("registers", &unless_family(&edb.registers))?;
+            }
+            Drive::Pid(pid) => {
+                table.serialize_field("payload", &pid.payload)?;
+                table.serialize_field("gains", &pid.gains)?;
+            }
+        }
+        table.end()
+    }
+}
+
+impl<'de> Deserialize<'de> for Axis {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_struct("Axis", KEYS, Reader)
+    }
+}
+
+struct Reader;
+
+impl<'de> Visitor<'de> for Reader {
+    type Value = Axis;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("an axis")
+    }
+
+    /// Text: with keys.
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Axis, A::Error> {
+        Table::deserialize(MapAccessDeserializer::new(map)).map(Axis::from)
+    }
+
+    /// Compact: what there is, in its order.
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Axis, A::Error> {
+        let missing = || A::Error::custom("the axis is cut off");
+        let name = seq.next_element()?.ok_or_else(missing)?;
+        let bus = seq.next_element()?.ok_or_else(missing)?;
+        let kind = seq.next_element()?.ok_or_else(missing)?;
+        Ok(Axis {
+            name,
+            bus,
+            address: seq.next_element()?.ok_or_else(missing)?,
+            drive: match kind {
+                Kind::Edb => Drive::Edb(seq.next_element()?.ok_or_else(missing)?),
+                Kind::Pid => Drive::Pid(seq.next_element()?.ok_or_else(missing)?),
+            },
+            stray: None,
+        })
+    }
+}
