@@ -5,7 +5,7 @@
 use embassy_executor::Spawner;
 use embassy_time::{Duration, Ticker};
 use puente::clock;
-use puente::module::control::{Control, Loop};
+use puente::module::control::{Control, Servo};
 use puente::module::{lamp, setup};
 use puente::port::{self, Axis, AxisBoard, Lamp};
 
@@ -21,7 +21,7 @@ fn start(spawner: Spawner) {
     let board = AxisBoard::start(spawner, setup::LINE, setup::FEEDBACK, setup::COMMAND);
     let config = setup::config(setup::FEEDBACK);
     let rate = config.rate;
-    CONTROL.set(Loop::new(board.axis, config).expect("a setting of setup.rs"));
+    CONTROL.set(Servo::new(board.axis, config).expect("a setting of setup.rs"));
     board.tick.start(rate, || CONTROL.step(clock::now()));
     spawner.spawn(lamp_task(board.lamp).expect("one lamp"));
 }

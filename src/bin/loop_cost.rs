@@ -8,11 +8,11 @@ use core::time::Duration;
 
 use embassy_executor::Spawner;
 use puente::clock;
-use puente::module::control::{Control, Loop};
+use puente::module::control::{Control, Servo};
 use puente::module::setup;
 use puente::port::mps2::span::{span_begins, span_ends, span_next};
 use puente::port::{self, Axis, AxisBoard, CommandForm, Feedback};
-use puente_drives::pid::{Command, Config, Gains, Width, ssi};
+use puente_drives::pid::{Cause, Command, Config, Gains, State, Width, ssi};
 use puente_line::Instant;
 
 /// Steps in each state.
@@ -47,11 +47,15 @@ fn config(feedback: Feedback) -> Config {
     Config {
         deadband: 1,
         slew: Some(1_000.0),
-        speed: Some(100_000),
+        speed: Some(1_000_000),
         following_error: 1_000_000,
         reversed: false,
         ..Config::new(feedback.encoder())
     }
+}
+
+fn state() -> State {
+    CONTROL.status().expect("a loop").state
 }
 
 struct Run {
@@ -61,12 +65,13 @@ struct Run {
 
 impl Run {
     fn new(encoder: &'static str, feedback: Feedback) -> Self {
-        CONTROL.set(Loop::new(Axis::new(feedback), config(feedback)).expect("a configuration"));
+        CONTROL.set(Servo::new(Axis::new(feedback), config(feedback)).expect("a configuration"));
         Self { encoder, now: Instant::ZERO }
     }
 
     fn all(mut self) {
         self.steps("disabled", |_| None);
+        assert_eq!(state(), State::Disabled);
         self.command(Command::Gains(Gains::new(1e-4, 1e-5, 1e-6).expect("gains")));
         self.command(Command::Enable);
         self.now = self.now + PERIOD;
@@ -74,10 +79,14 @@ impl Run {
         self.count("starting", 201, |_| None);
         self.steps("following, at rest", |_| Some(Command::SetPoint(0)));
         self.steps("following, in motion", |step| Some(Command::SetPoint(i64::from(step) * 10)));
+        assert!(CONTROL.status().is_some_and(|status| status.position > 10_000));
         self.steps("following, at the limit of the command", |_| Some(Command::SetPoint(1_000_000)));
+        assert!(CONTROL.status().is_some_and(|status| status.command == 1.0));
         self.command(Command::Stop);
         self.steps("held", |_| Some(Command::SetPoint(0)));
+        assert_eq!(state(), State::Held);
         self.steps("falling into a fault, and in it", |_| None);
+        assert_eq!(state(), State::Fault(Cause::Communication));
     }
 
     fn command(&self, command: Command) {

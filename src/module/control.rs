@@ -15,15 +15,15 @@ const EVENTS: usize = 4;
 /// Steps without a sign of life from the bus after which the watchdog is left to bite: some seconds.
 const PATIENCE: u32 = 20_000;
 
-/// The loop of one axis.
-pub struct Loop<A> {
+/// The loop of one axis, with its encoder and its amplifier.
+pub struct Servo<A> {
     axis: A,
     module: Module,
     /// Steps for which the bus task may go on without a sign of life.
     patience: u32,
 }
 
-impl<A: AxisIo> Loop<A> {
+impl<A: AxisIo> Servo<A> {
     /// A loop at rest, the amplifier off; [`BadConfig`] where a setting is out of its range.
     pub fn new(mut axis: A, config: Config) -> Result<Self, BadConfig> {
         axis.apply(0.0, false);
@@ -57,8 +57,14 @@ impl<A: AxisIo> Loop<A> {
 
 /// The loop, between the interrupt that steps it and the task that commands it. Each has it for itself, and not for long.
 pub struct Control<A> {
-    place: Mutex<CriticalSectionRawMutex, RefCell<Option<Loop<A>>>>,
+    place: Mutex<CriticalSectionRawMutex, RefCell<Option<Servo<A>>>>,
     events: Channel<CriticalSectionRawMutex, Event, EVENTS>,
+}
+
+impl<A: AxisIo> Default for Control<A> {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 impl<A: AxisIo> Control<A> {
@@ -68,13 +74,13 @@ impl<A: AxisIo> Control<A> {
     }
 
     /// Puts the loop in.
-    pub fn set(&self, control: Loop<A>) {
-        self.place.lock(|place| place.borrow_mut().replace(control));
+    pub fn set(&self, servo: Servo<A>) {
+        self.place.lock(|place| place.borrow_mut().replace(servo));
     }
 
     /// One step, at the time that is given. Of events that nobody fetches the first are kept.
     pub fn step(&self, now: Instant) {
-        if let Some(Some(event)) = self.with(|control| control.step(now)) {
+        if let Some(Some(event)) = self.with(|servo| servo.step(now)) {
             let _ = self.events.try_send(event);
         }
     }
@@ -86,20 +92,20 @@ impl<A: AxisIo> Control<A> {
 
     /// To be called by the task again and again, lest the watchdog take it for dead.
     pub fn alive(&self) {
-        self.with(|control| control.patience = PATIENCE);
+        self.with(|servo| servo.patience = PATIENCE);
     }
 
     /// How the loop stands; none before it is there.
     pub fn status(&self) -> Option<Status> {
-        self.with(|control| control.status())
+        self.with(|servo| servo.status())
     }
 
     /// Carries out a command of the bus, or says why not; a refusal where there is no loop yet.
     pub fn command(&self, now: Instant, command: Command) -> Result<(), Refused> {
-        self.with(|control| control.command(now, command)).unwrap_or(Err(Refused::State(State::Disabled)))
+        self.with(|servo| servo.command(now, command)).unwrap_or(Err(Refused::State(State::Disabled)))
     }
 
-    fn with<R>(&self, f: impl FnOnce(&mut Loop<A>) -> R) -> Option<R> {
+    fn with<R>(&self, f: impl FnOnce(&mut Servo<A>) -> R) -> Option<R> {
         self.place.lock(|place| place.borrow_mut().as_mut().map(f))
     }
 }

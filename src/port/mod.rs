@@ -22,10 +22,10 @@ pub use host::{Place, defaults, history, limits, may_move, restart, stack};
 
 #[cfg(target_os = "none")]
 pub mod embedded;
-#[cfg(target_os = "none")]
-pub use embedded::{alive, defaults, history, hung, limits, may_move, restart, stack};
 #[cfg(all(target_os = "none", network))]
 pub use embedded::{Network, Place};
+#[cfg(target_os = "none")]
+pub use embedded::{alive, defaults, history, hung, limits, may_move, restart, stack};
 
 #[cfg(all(target_os = "none", feature = "mps2-an500"))]
 pub mod mps2;
@@ -45,15 +45,15 @@ use g474re as platform;
 #[cfg(all(target_os = "none", feature = "nucleo"))]
 mod stm32;
 
-#[cfg(network)]
-pub use platform::{BadPort, Flash, check_line, temperature};
 pub use platform::Line;
-#[cfg(all(target_os = "none", network))]
-pub use platform::{Board, Leds, Watchdog};
 #[cfg(target_os = "none")]
 pub use platform::run;
 #[cfg(all(target_os = "none", feature = "axis-module"))]
 pub use platform::{Axis, AxisBoard, Lamp, Tick};
+#[cfg(network)]
+pub use platform::{BadPort, Flash, check_line, temperature};
+#[cfg(all(target_os = "none", network))]
+pub use platform::{Board, Leds, Watchdog};
 
 #[cfg(all(target_os = "none", feature = "test-hooks"))]
 pub use embedded::hooks::obey;

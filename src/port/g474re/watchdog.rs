@@ -1,7 +1,7 @@
 //! The independent watchdog over the loop, IWDG. It counts by an oscillator of its own, LSI: 32 kHz, 5 % more or less.
 
-use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 use embassy_stm32::pac::IWDG;
+use embassy_stm32::pac::iwdg::vals::{Key, Pr};
 
 /// Counts of a period, at a quarter of LSI: 10 ms, a hundred steps of the loop. Nothing else takes the current from the
 /// amplifier when the loop hangs.

@@ -17,8 +17,8 @@ pub use address::Address;
 pub(in crate::port) use backlog::Patient;
 pub use socket::{Place, Socket};
 
-use crate::port::embedded::limits::SLOTS;
 use crate::port::Link;
+use crate::port::embedded::limits::SLOTS;
 use address::join;
 use socket::{Ports, places};
 

@@ -45,15 +45,13 @@ pub fn run(arguments: &[String]) -> Outcome {
     let mut options = Options::new(arguments);
     let write = options.flag("--write");
     let profiled = options.value("--profile")?;
+    let only_steps = options.flag("--loop");
     options.end()?;
     if profiled.is_none() {
-        let (table, over) = steps::run()?;
-        if write {
-            steps::TABLE.write(&table)?;
-        }
-        if let Some(over) = over {
-            return Err(over);
-        }
+        steps::run(write)?;
+    }
+    if only_steps {
+        return Ok(());
     }
     let rig = Rig::start()?;
     if let Some(name) = profiled {

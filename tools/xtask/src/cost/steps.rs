@@ -14,9 +14,9 @@ use super::rig;
 use crate::board::{Program, emulated};
 use crate::command::target_dir;
 use crate::docs::{Table, figure};
-use crate::{emulate, firmware};
+use crate::{Outcome, emulate, firmware};
 
-pub const TABLE: Table = Table { file: "docs/module.md", name: "steps" };
+const TABLE: Table = Table { file: "docs/module.md", name: "steps" };
 /// A tenth of 170 MHz at 10 kHz, in cycles;
 const CYCLES: u64 = 1_700;
 /// and those of the interrupt's own entry and exit: 12 and 10, and 17 to keep the 17 registers of the FPU (Armv7-M).
@@ -36,10 +36,11 @@ struct Steps {
     most: u64,
 }
 
-/// Counts, and returns the table, and what is too much.
-pub fn run() -> Result<(String, Option<String>), String> {
+/// Counts, and fails where it is too much. Where `write`, the table is written.
+pub fn run(write: bool) -> Outcome {
     let steps = count()?;
-    let mut table = String::from("| encoder: state | mean | most |\n|---|---|---|\n");
+    let made_with = format!("Made with {}, {}.", rig::compiler()?, rig::emulator()?);
+    let mut table = format!("{made_with}\n\n| encoder: state | mean | most |\n|---|---|---|\n");
     println!("{:<60}{:>6}{:>6}", "step of the loop of a module", "mean", "most");
     for Steps { name, mean, most } in &steps {
         println!("{name:<60}{mean:>6}{most:>6}");
@@ -48,10 +49,11 @@ pub fn run() -> Result<(String, Option<String>), String> {
     let worst = steps.iter().max_by_key(|steps| steps.most).ok_or("no steps were counted")?;
     let cycles = worst.most * FACTOR / 10 + ENTRY;
     println!("{} instructions at most, or {cycles} cycles of {CYCLES}", worst.most);
-    let over = (cycles > CYCLES).then(|| {
-        format!("{}: {} instructions, or {cycles} cycles; {CYCLES} are allowed", worst.name, worst.most)
-    });
-    Ok((table, over))
+    if cycles > CYCLES {
+        let Steps { name, most, .. } = worst;
+        return Err(format!("{name}: {most} instructions, or {cycles} cycles; {CYCLES} are allowed"));
+    }
+    if write { TABLE.write(&table) } else { Ok(()) }
 }
 
 fn count() -> Result<Vec<Steps>, String> {
