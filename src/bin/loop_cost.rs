@@ -74,7 +74,7 @@ impl Run {
         assert_eq!(state(), State::Disabled);
         self.command(Command::Gains(Gains::new(1e-4, 1e-5, 1e-6).expect("gains")));
         self.command(Command::Enable);
-        self.now = self.now + PERIOD;
+        self.now += PERIOD;
         // As long as the amplifier has to start; the last step closes the loop.
         self.count("starting", 201, |_| None);
         self.steps("following, at rest", |_| Some(Command::SetPoint(0)));
@@ -110,7 +110,7 @@ impl Run {
                 CONTROL.step(self.now);
                 span_ends();
             });
-            self.now = self.now + PERIOD;
+            self.now += PERIOD;
         }
         log::info!("counted {}: {state}", self.encoder);
         span_next();

@@ -5,7 +5,9 @@ use core::cell::Cell;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 
-static STEP: Mutex<CriticalSectionRawMutex, Cell<Option<fn()>>> = Mutex::new(Cell::new(None));
+type Step = Cell<Option<fn()>>;
+
+static STEP: Mutex<CriticalSectionRawMutex, Step> = Mutex::new(Cell::new(None));
 
 /// Sets what each tick calls.
 pub(in crate::port) fn set(step: fn()) {

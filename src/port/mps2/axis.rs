@@ -2,10 +2,12 @@
 
 use puente_drives::pid::{EncoderFault, Width, gray};
 
-use super::registers::{self, EMULATOR};
+use super::registers::EMULATOR;
 use super::watchdog::Watchdog;
 use crate::port::{AxisIo, Feedback};
 
+/// In the emulator's page: whether the amplifier has a fault, 1 where it has one.
+const AMPLIFIER_FAULT: usize = 0x04;
 /// Steps a second.
 const RATE: f32 = 10_000.0;
 /// Speed at full command, counts a second.
@@ -63,7 +65,7 @@ impl AxisIo for Axis {
 
     /// As the emulator's page of memory says.
     fn amplifier_fault(&mut self) -> bool {
-        EMULATOR.read(registers::AMPLIFIER_FAULT) == 1
+        EMULATOR.read(AMPLIFIER_FAULT) == 1
     }
 
     fn apply(&mut self, command: f32, enable: bool) {

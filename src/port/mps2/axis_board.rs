@@ -7,11 +7,14 @@ use puente_line::Settings;
 
 use super::axis::Axis;
 use super::line::{Line, UART1};
-use super::registers::{EMULATOR, SCC, SWITCH};
+use super::registers::{EMULATOR, SCC};
 use super::tick::Tick;
 use super::{clock, executor, interrupt, log, stack};
 use crate::port::embedded::vital;
 use crate::port::{CommandForm, Feedback};
+
+/// In the emulator's page: the switch for the address, 0 to 15.
+const SWITCH: usize = 0x08;
 
 /// What the board offers to the application.
 pub struct AxisBoard {

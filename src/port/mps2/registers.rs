@@ -17,10 +17,6 @@ pub(super) const ETHERNET: Registers = Registers(0xA000_0000);
 pub(super) const EMULATOR: Registers = Registers(0x203F_F000);
 /// Whether the user button is held, 1 where it is.
 pub(super) const BUTTON: usize = 0x00;
-/// Of a PID interface module: whether the amplifier has a fault, 1 where it has one;
-pub(super) const AMPLIFIER_FAULT: usize = 0x04;
-/// and the switch for the address, 0 to 15.
-pub(super) const SWITCH: usize = 0x08;
 
 impl Registers {
     /// A peripheral's size in the memory map.

@@ -9,7 +9,7 @@ use embassy_stm32::usart::{self, BufferedUart, Config, ConfigError, DataBits, St
 use embedded_io_async::{BufRead, ErrorType, Read, Write};
 use puente_line::{Parity, Settings};
 
-use super::driver_enable::{DriverEnable, Raised};
+use super::driver_enable::DriverEnable;
 use super::receiver::{Error, Receiver};
 use super::registers;
 use super::transmitter::Transmitter;
@@ -145,7 +145,9 @@ impl Write for Writer<'_> {
             });
             // None where the line has become free meanwhile.
             if let Some(length) = taken.await {
-                raised.map(Raised::sent);
+                if let Some(raised) = raised {
+                    raised.sent();
+                }
                 return Ok(length);
             }
         }
