@@ -1,6 +1,7 @@
 //! A cell in real time: its line on pseudo terminals, TCP ports and serial devices.
 
 mod port;
+mod ports;
 mod terminal;
 
 use std::io::{self, ErrorKind};
@@ -8,6 +9,7 @@ use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
 pub use port::{Place, Port};
+pub use ports::Ports;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 /// What has come through a port.
