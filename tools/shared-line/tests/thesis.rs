@@ -3,7 +3,7 @@
 mod common;
 
 use common::fast;
-use puente_framed::frame::{self, MAX_FRAME};
+use puente_framed::frame::{self, MAX_FRAME, TAGGED_OVERHEAD};
 use puente_framed::station::{Action, Config};
 use puente_framed::{Kind, Station, section};
 use puente_line::Instant;
@@ -30,7 +30,9 @@ struct Side {
     posted: usize,
 }
 
-impl Application<1, 1, MAX_FRAME> for Side {
+const BODY: usize = MAX_FRAME - TAGGED_OVERHEAD;
+
+impl Application<1, 1, BODY, MAX_FRAME> for Side {
     fn take(&mut self, _now: Instant, action: Action<'_>) {
         match action {
             Action::Heard(heard) if heard.kind == Kind::Plain => {
@@ -51,14 +53,14 @@ impl Application<1, 1, MAX_FRAME> for Side {
         }
     }
 
-    fn drive(&mut self, _now: Instant, station: &mut Station<1, 1, MAX_FRAME>) {
+    fn drive(&mut self, now: Instant, station: &mut Station<1, 1, BODY, MAX_FRAME>) {
         if let Some(bytes) = self.to_send.take() {
-            station.post_bytes(&bytes).expect("a frame");
+            station.post_frame(now, &bytes).expect("a frame");
         }
         if let Some((to, lrc)) = self.to_answer.take() {
             let mut body = heapless::Vec::<u8, 8>::new();
             section::push(&mut body, to, &[]).expect("room");
-            station.post(Kind::Receipt { lrc }, &body).expect("nothing waits");
+            station.post(now, Kind::Receipt { lrc }, &body).expect("nothing waits");
         }
     }
 }
@@ -67,7 +69,8 @@ impl Application<1, 1, MAX_FRAME> for Side {
 #[test]
 fn a_frame_of_the_thesis_is_answered() {
     let config = |address| Config::new(address, fast(), MAX_FRAME);
-    let mut line: Line<Framed<Side, 1, 1, MAX_FRAME>> = Line::new(fast(), config(1).arbiter.gap, 0.0, 1);
+    let mut line: Line<Framed<Side, 1, 1, BODY, MAX_FRAME>> =
+        Line::new(fast(), config(1).arbiter.gap, 0.0, 1);
     for address in [1, 17, 18, 19, 20] {
         let side = Side {
             address,
