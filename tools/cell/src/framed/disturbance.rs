@@ -148,8 +148,23 @@ mod tests {
     #[test]
     fn everything_else_is_refused() {
         for text in [
-            "", "noise", "noise x", "noise 0.2", "noise -1", "noise nan", "load 5", "babble -1", "0 mute on", "255 mute on",
-            "17", "17 mute", "17 mute yes", "17 encoder", "17 encoder broken", "17 power-cycle now", "17 torque inf",
+            "",
+            "noise",
+            "noise x",
+            "noise 0.2",
+            "noise -1",
+            "noise nan",
+            "load 5",
+            "babble -1",
+            "0 mute on",
+            "255 mute on",
+            "17",
+            "17 mute",
+            "17 mute yes",
+            "17 encoder",
+            "17 encoder broken",
+            "17 power-cycle now",
+            "17 torque inf",
         ] {
             let error = text.parse::<Disturbance>().expect_err(text);
             assert_eq!(error.to_string(), format!("'{text}' is no disturbance"));

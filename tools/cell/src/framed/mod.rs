@@ -89,6 +89,7 @@ impl Config {
 pub struct Cell {
     line: Line<Station>,
     manners: arbiter::Config,
+    judged: bool,
     seed: u64,
     /// Address and seat of each module, then of each rival.
     modules: Vec<(u8, usize)>,
@@ -124,7 +125,8 @@ impl Cell {
         let babbler = line.join(Station::Babbler(silent), outside);
         let ports = (0..config.ports).map(|_| line.join(Station::Outside(External::default()), outside));
         let ports = ports.collect();
-        let mut cell = Self { line, manners, seed: config.seed, modules, rivals, babbler, ports };
+        let mut cell =
+            Self { line, manners, judged: config.judged, seed: config.seed, modules, rivals, babbler, ports };
         cell.set_load(config.load);
         Ok(cell)
     }
@@ -215,12 +217,17 @@ impl Cell {
 
     fn trouble(&mut self, address: u8, trouble: Trouble) -> bool {
         let mut stations = self.modules.iter().chain(&self.rivals);
-        let Some((_, seat)) = stations.find(|(own, _)| *own == address) else {
+        let Some(&(_, seat)) = stations.find(|(own, _)| *own == address) else {
             return false;
         };
-        match (trouble, self.line.tell(*seat)) {
-            (Trouble::Mute(mute), _) => self.line.place(*seat).mute = mute,
-            (Trouble::Deaf(deaf), _) => self.line.place(*seat).deaf = deaf,
+        match (trouble, self.line.tell(seat)) {
+            (Trouble::Mute(mute), _) => self.line.place(seat).mute = mute,
+            (Trouble::Deaf(deaf), _) => {
+                let place = self.line.place(seat);
+                place.deaf = deaf;
+                // It cannot know.
+                place.judged = self.judged && !deaf;
+            }
             (trouble, Station::Module(module)) => module.suffer(trouble),
             _ => return false,
         }

@@ -62,7 +62,9 @@ fn answer(cell: &mut Cell, now: Instant, line: &str) -> Result<String, String> {
 fn disturb(cell: &mut Cell, now: Instant, disturbance: Disturbance) -> Result<(), String> {
     match disturbance {
         _ if cell.disturb(now, disturbance) => Ok(()),
-        Disturbance::Station(address, _) => Err(format!("station {address} cannot have that, or is not there")),
+        Disturbance::Station(address, _) => {
+            Err(format!("station {address} cannot have that, or is not there"))
+        }
         _ => Err("it cannot be".into()),
     }
 }
@@ -78,5 +80,8 @@ fn status(cell: &Cell) -> String {
     };
     let totals = cell.totals();
     let modules: String = cell.modules().map(module).collect();
-    format!("{modules}ok characters={} spoiled={} flipped={}", totals.characters, totals.spoiled, totals.flipped)
+    format!(
+        "{modules}ok characters={} spoiled={} flipped={}",
+        totals.characters, totals.spoiled, totals.flipped
+    )
 }

@@ -71,7 +71,8 @@ fn a_device_paces_itself_but_keeps_the_silence() {
 #[test]
 fn a_framed_line_is_as_the_gateway_has_it() {
     for name in ["--framed", "--protocol framed"] {
-        let FramedOptions { config, disturbances, ports } = framed(&words(&format!("{name} --tcp 127.0.0.1:0")));
+        let FramedOptions { config, disturbances, ports } =
+            framed(&words(&format!("{name} --tcp 127.0.0.1:0")));
         let line = config.manners.line;
         assert_eq!((line.baud, line.format.to_string()), (1_000_000, "8N1".into()));
         assert_eq!(config.manners, puente_framed::arbiter::Config::new(line));
@@ -142,7 +143,9 @@ fn mistakes_are_told() {
 fn help_has_every_option_and_every_word() {
     assert!(matches!(parse(&["--help", "--whatever"]), Ok(Options::Help)));
     let text = help::text();
-    for name in OF_MODBUS.iter().chain(&OF_FRAMED).chain(&["pty", "tcp", "listen", "device", "framed", "seed"]) {
+    for name in
+        OF_MODBUS.iter().chain(&OF_FRAMED).chain(&["pty", "tcp", "listen", "device", "framed", "seed"])
+    {
         assert!(text.contains(&format!("--{name}")), "{name}");
     }
     for word in ["encoder", "amplifier", "babble", "status", "cell --framed --tcp 127.0.0.1:7002"] {
