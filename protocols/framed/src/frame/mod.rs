@@ -26,7 +26,7 @@ pub const TRAILER: usize = section::OVERHEAD + TRAILER_DATA as usize;
 pub const TAGGED_OVERHEAD: usize = OVERHEAD + TRAILER;
 
 /// Preamble, origin, tag and length.
-pub(crate) const HEADER: usize = 4;
+pub const HEADER: usize = 4;
 /// Detail, session, CRC.
 const TRAILER_DATA: u8 = 10;
 /// Bytes after the last that the CRC covers: the CRC, TMR, LRC, terminator.
@@ -79,7 +79,7 @@ impl<'a> Frame<'a> {
 ///
 /// # Errors
 /// `Preamble`, `Tag`, `Length`.
-pub(crate) fn announced(header: [u8; HEADER]) -> Result<usize, FrameError> {
+pub fn announced(header: [u8; HEADER]) -> Result<usize, FrameError> {
     let [preamble, _, high, low] = header;
     if preamble != PREAMBLE {
         return Err(FrameError::Preamble { received: preamble });
