@@ -19,7 +19,8 @@ pub enum Received {
     Nothing,
     /// Bytes, or a client has come or gone; there may be more.
     Bytes,
-    /// The far side has dropped what it had written before, of a pseudo terminal (`tcflush`). There may be more.
+    /// The far side has dropped what it had written before, of a pseudo terminal (`tcflush`). There may be more, and of what
+    /// was dropped the system may have passed on a rest.
     Discard,
 }
 
