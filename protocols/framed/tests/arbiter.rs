@@ -27,7 +27,7 @@ impl Rig {
         let config = Config { policy, ..Config::new(line()) };
         let now = Instant::from_millis(1_000);
         let mut rig = Self { config, arbiter: Arbiter::new(config, now, seed), now };
-        rig.now += config.gap;
+        rig.now += config.gap + config.deference;
         rig
     }
 
@@ -92,7 +92,7 @@ enum Said {
 #[test]
 fn on_a_free_line_a_frame_goes_at_once() {
     let mut rig = Rig::new(Policy::Truncated, 1);
-    rig.submit();
+    rig.submit_as(Precedence::Ordinary);
     assert_eq!(rig.wait(), (Duration::ZERO, Said::Transmit(FRAME.to_vec())));
     rig.hear(FRAME);
     assert_eq!(rig.wait(), (Duration::ZERO, Said::Done(Ok(()))));
@@ -100,8 +100,18 @@ fn on_a_free_line_a_frame_goes_at_once() {
     assert_eq!((statistics.frames, statistics.attempts, statistics.collisions), (1, 1, 0));
     assert_eq!((statistics.deferrals, statistics.losses), (0, 0));
     // Its next one waits until others have had their turn.
-    rig.submit();
+    rig.submit_as(Precedence::Ordinary);
     assert_eq!(rig.wait().0, rig.config.gap + rig.config.rest);
+    rig.hear(FRAME);
+    rig.wait();
+    // But not after an answer.
+    let mut rig = Rig::new(Policy::Truncated, 1);
+    rig.submit();
+    rig.wait();
+    rig.hear(FRAME);
+    rig.wait();
+    rig.submit_as(Precedence::Ordinary);
+    assert_eq!(rig.wait().0, rig.config.gap + rig.config.deference);
 }
 
 /// What answers nothing leaves more than a gap, so that an answer has begun by then.
@@ -124,7 +134,7 @@ fn without_an_echo_time_alone_says_that_a_frame_is_sent() {
     let mut rig = Rig::new(Policy::Truncated, 1);
     let config = Config { echo: Echo::None, ..rig.config };
     rig.arbiter = Arbiter::new(config, Instant::from_millis(900), 1);
-    rig.submit();
+    rig.submit_as(Precedence::Ordinary);
     assert_eq!(rig.wait(), (Duration::ZERO, Said::Transmit(FRAME.to_vec())));
     let begun = rig.now;
     rig.hear(&[0x55]);
@@ -133,7 +143,7 @@ fn without_an_echo_time_alone_says_that_a_frame_is_sent() {
     let time = line().wire_time(FRAME.len());
     assert_eq!((rig.now.since(begun), said), (time, Said::Done(Ok(()))));
     // The gap, and the rest, count from there.
-    rig.submit();
+    rig.submit_as(Precedence::Ordinary);
     assert_eq!(rig.wait().0, config.gap + config.rest);
     let statistics = rig.arbiter.statistics();
     assert_eq!((statistics.frames, statistics.attempts, statistics.collisions), (1, 2, 0));

@@ -284,7 +284,9 @@ impl<const N: usize> Arbiter<N> {
     /// The frame has been on the line, whole.
     fn succeed(&mut self, now: Instant) {
         count(&mut self.statistics.frames);
-        self.rested_at = now + self.config.gap + self.config.rest;
+        if self.precedence == Precedence::Ordinary {
+            self.rested_at = now + self.config.gap + self.config.rest;
+        }
         self.state = State::Finished(Ok(()));
     }
 
