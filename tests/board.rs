@@ -3,35 +3,30 @@
 
 mod common;
 
-use std::io::{Read, Write};
-use std::net::{SocketAddr, TcpStream};
+use std::io::Write;
+use std::net::SocketAddr;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use common::client::{Lines, Modbus, figure, read_pdu, value};
+use common::http::{Reply, answer};
 use common::rig::Rig;
 use common::{Gateway, ms, until};
 use serde_json::Value;
 
-/// The body of a reply, which HTTP/1.0 has in no chunks; none where the board does not answer.
-fn get(address: SocketAddr, path: &str) -> Option<String> {
-    let mut stream = TcpStream::connect(address).ok()?;
-    stream.set_read_timeout(Some(ms(1000))).ok()?;
-    let request = format!("GET {path} HTTP/1.0\r\n\r\n");
-    stream.write_all(request.as_bytes()).ok()?;
-    let mut reply = String::new();
-    stream.read_to_string(&mut reply).ok()?;
-    let (head, body) = reply.split_once("\r\n\r\n")?;
-    assert!(head.starts_with("HTTP/1.1 200 "), "{head}");
-    Some(body.to_owned())
+/// The reply of a board that may not be there; HTTP/1.0 has it in no chunks.
+fn get(address: SocketAddr, path: &str) -> Option<Reply> {
+    let reply = answer(address, &format!("GET {path} HTTP/1.0\r\n\r\n"))?;
+    assert_eq!((reply.status, reply.field("transfer-encoding")), (200, None), "{reply:?}");
+    Some(reply)
 }
 
 /// `/api/system` once the board has been reset so often.
 fn system(rig: &Rig, resets: u64) -> Value {
     let mut system = Value::Null;
     until("the board answers after its reset", || {
-        if let Some(body) = get(rig.gateway.main, "/api/system") {
-            system = serde_json::from_str(&body).unwrap_or_else(|error| panic!("{error}: {body}"));
+        if let Some(reply) = get(rig.gateway.main, "/api/system") {
+            system = reply.json();
         }
         system["resets"] == resets
     });
@@ -200,7 +195,7 @@ fn the_log_is_served_in_whole_lines() {
         Lines::connect(rig.gateway.main).ok("feed");
         thread::sleep(ms(2));
     }
-    let log = get(rig.gateway.main, "/api/log").expect("a log");
+    let log = get(rig.gateway.main, "/api/log").expect("a log").body;
     assert!((2000..=3072).contains(&log.len()), "{} bytes", log.len());
     for line in log.lines() {
         assert!(

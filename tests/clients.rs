@@ -8,6 +8,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use common::client::{Lines, Modbus, connect, mbap, read_pdu, rest, visit, write_pdu};
+use common::http::insist;
 use common::rig::{FORWARD, Rig};
 use common::{Document, fast, ms, until, wire};
 use puente_modbus::Mode;
@@ -30,11 +31,8 @@ fn say(address: SocketAddr, command: &str) -> String {
 }
 
 /// The HTTP status of a request.
-fn status(address: SocketAddr, request: &str) -> u16 {
-    let head = format!("{request} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n");
-    let reply = String::from_utf8_lossy(&visit(address, head.as_bytes())).into_owned();
-    let code = reply.split(' ').nth(1).and_then(|code| code.parse().ok());
-    code.unwrap_or_else(|| panic!("no HTTP: {reply}"))
+fn status(address: SocketAddr, line: &str) -> u16 {
+    insist(address, line, "").status
 }
 
 #[test]

@@ -6,6 +6,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use common::client::{Lines, Modbus, figure, reset, send_and_close};
+use common::http::{Reply, ask};
 use common::rig::{ENABLE, FORWARD, REVERSE, Rig};
 use common::{MODES, ms, target, until};
 use puente_modbus::Mode;
@@ -128,8 +129,8 @@ fn a_second_client_is_refused_in_every_dialect_but_may_read() {
         assert_eq!(modbus.write(1, register, value), BUSY);
     }
     assert_eq!(modbus.read(1, 0x0025, 1), Ok(vec![100]));
-    let (status, body) = http(&rig, "POST /api/axes/x/jog", "{\"rpm\":50,\"hold_ms\":500}");
-    assert!(status == 409 && body.contains("leased"), "{status} {body}");
+    let reply = http(&rig, "POST /api/axes/x/jog", "{\"rpm\":50,\"hold_ms\":500}");
+    assert_eq!(reply.error(), (409, "leased".to_owned()));
     // The other axes are free, and the commander is not disturbed.
     other.ok("axis y enable");
     commander.ok("axis x jog 120");
@@ -144,7 +145,7 @@ fn everyone_may_stop_in_every_dialect() {
         ("console stop", |rig| drop(Lines::connect(rig.gateway.main).ok("axis x stop"))),
         ("console jog 0", |rig| drop(Lines::connect(rig.gateway.main).ok("axis x jog 0"))),
         ("console disable", |rig| drop(Lines::connect(rig.gateway.main).ok("axis x disable"))),
-        ("HTTP stop", |rig| assert_eq!(http(rig, "POST /api/axes/x/stop", "").0, 200)),
+        ("HTTP stop", |rig| assert_eq!(http(rig, "POST /api/axes/x/stop", "").status, 200)),
         ("all off", |rig| {
             let all_off = [0x10, 0x10, 0x23, 0, 3, 6, 0, 0, 0, 0, 0, 0];
             assert_eq!(rig.modbus().ask(1, &all_off), [0x10, 0x10, 0x23, 0, 3]);
@@ -189,11 +190,11 @@ fn when_the_lease_has_ended_the_next_client_may_command() {
 #[test]
 fn an_http_jog_ends_with_its_hold_time_whatever_else_its_client_asks() {
     let rig = Rig::new(Mode::Ascii, 5000);
-    assert_eq!(http(&rig, "POST /api/axes/x/enable", "").0, 200);
-    let (status, body) = http(&rig, "POST /api/axes/x/jog", "{\"rpm\":100,\"hold_ms\":400}");
+    assert_eq!(http(&rig, "POST /api/axes/x/enable", "").status, 200);
+    let reply = http(&rig, "POST /api/axes/x/jog", "{\"rpm\":100,\"hold_ms\":400}");
     let confirmed = Instant::now();
-    assert_eq!(status, 200, "{body}");
-    keeps_turning(&rig, ms(250), || assert_eq!(http(&rig, "GET /metrics", "").0, 200));
+    assert_eq!(reply.status, 200, "{reply:?}");
+    keeps_turning(&rig, ms(250), || assert_eq!(http(&rig, "GET /metrics", "").status, 200));
     let (before, late) = rig.stop_after(confirmed);
     println!("HTTP: stop {late:?} after the reply to a jog with hold_ms 400");
     assert!(before <= target().frames_before_stop && late > ms(300), "{before} frames, {late:?}");
@@ -229,13 +230,6 @@ fn a_client_that_has_closed_its_side_cannot_start_motion() {
     assert_eq!(figure(&status, "jog_rpm"), 0, "{status}");
 }
 
-fn http(rig: &Rig, request: &str, body: &str) -> (u16, String) {
-    let text = format!(
-        "{request} HTTP/1.1\r\nHost: x\r\nConnection: close\r\nContent-Length: {}\r\n\r\n{body}",
-        body.len()
-    );
-    let reply = send_and_close(rig.gateway.main, text.as_bytes());
-    let reply = String::from_utf8_lossy(&reply).into_owned();
-    let status = reply.split(' ').nth(1).and_then(|code| code.parse().ok());
-    (status.unwrap_or_else(|| panic!("no HTTP: {reply}")), reply)
+fn http(rig: &Rig, line: &str, body: &str) -> Reply {
+    ask(rig.gateway.main, line, body)
 }

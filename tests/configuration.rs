@@ -5,49 +5,35 @@ mod common;
 use std::io::{Read, Write};
 use std::net::SocketAddr;
 
-use common::client::{Lines, connect, visit};
+use common::client::{Lines, connect};
+use common::http::{Reply, insist, insist_with};
 use common::rig::Rig;
 use common::{Gateway, ms, target, until};
 use serde_json::{Value, json};
 
 const CONFIG: &str = "/api/config";
 const STATE: &str = "/api/config/state";
-const CONFIRM: &str = "/api/config/confirm";
+const PUT: &str = "PUT /api/config";
+const DELETE: &str = "DELETE /api/config";
+const CONFIRM: &str = "POST /api/config/confirm";
 
 /// Status and body of an answer.
-fn ask(address: SocketAddr, method: &str, path: &str, body: &str) -> (u16, Value) {
-    let length = body.len();
-    let fields = format!("Host: gateway\r\nConnection: close\r\nContent-Length: {length}");
-    let reply = visit(address, format!("{method} {path} HTTP/1.1\r\n{fields}\r\n\r\n{body}").as_bytes());
-    answer(&String::from_utf8(reply).expect("text"))
+fn ask(address: SocketAddr, line: &str, body: &str) -> (u16, Value) {
+    answer(&insist(address, line, body))
 }
 
-fn answer(reply: &str) -> (u16, Value) {
-    let (head, body) = reply.split_once("\r\n\r\n").unwrap_or_else(|| panic!("no head: {reply}"));
-    let status = head.split(' ').nth(1).and_then(|status| status.parse().ok());
-    let body = if head.contains("chunked") { unchunked(body) } else { body.to_owned() };
-    let body = serde_json::from_str(&body).unwrap_or_else(|error| panic!("{error}: {reply}"));
-    (status.unwrap_or_else(|| panic!("no status: {reply}")), body)
-}
-
-fn unchunked(mut body: &str) -> String {
-    let mut whole = String::new();
-    while let Some((length, rest)) = body.split_once("\r\n") {
-        let length = usize::from_str_radix(length, 16).expect("a length");
-        whole += &rest[..length];
-        body = &rest[length + 2..];
-    }
-    whole
+fn answer(reply: &Reply) -> (u16, Value) {
+    (reply.status, reply.json())
 }
 
 fn get(gateway: &Gateway, path: &str) -> Value {
-    let (status, body) = ask(gateway.main, "GET", path, "");
+    let (status, body) = ask(gateway.main, &format!("GET {path}"), "");
     assert_eq!(status, 200, "{path}: {body}");
     body
 }
 
 fn put(gateway: &Gateway, document: &Value) -> (u16, Value) {
-    ask(gateway.main, "PUT", CONFIG, &document.to_string())
+    ask(gateway.main, PUT, &document.to_string())
 }
 
 /// Puts a document that is taken; whether it is on trial.
@@ -107,15 +93,15 @@ fn a_network_that_is_confirmed_stays() {
     let mut rig = Rig::with_flash();
     let gateway = &mut rig.gateway;
     let document = elsewhere(&get(gateway, CONFIG));
-    refused(ask(gateway.main, "POST", CONFIRM, ""), 409, "no-trial");
+    refused(ask(gateway.main, CONFIRM, ""), 409, "no-trial");
     assert!(change(gateway, &document));
     let state = get(gateway, STATE);
     assert!(state["trial_left_s"].as_u64().is_some_and(|left| (1..=60).contains(&left)), "{state}");
     refused(put(gateway, &document), 409, "on-trial");
-    refused(ask(gateway.main, "DELETE", CONFIG, ""), 409, "on-trial");
+    refused(ask(gateway.main, DELETE, ""), 409, "on-trial");
     let confirmed = json!({"settings": "flash", "trial_left_s": null});
-    assert_eq!(ask(gateway.main, "POST", CONFIRM, ""), (200, confirmed));
-    refused(ask(gateway.main, "POST", CONFIRM, ""), 409, "no-trial");
+    assert_eq!(ask(gateway.main, CONFIRM, ""), (200, confirmed));
+    refused(ask(gateway.main, CONFIRM, ""), 409, "no-trial");
     gateway.cycle_power();
     assert_eq!(get(gateway, CONFIG), document);
 }
@@ -156,7 +142,7 @@ fn the_factory_settings_come_back() {
     let mut other = document.clone();
     other["net"]["idle_s"] = json!(77);
     assert!(!change(gateway, &other));
-    let (status, body) = ask(gateway.main, "DELETE", CONFIG, "");
+    let (status, body) = ask(gateway.main, DELETE, "");
     assert_eq!((status, body), (200, json!({"restart": true, "confirm_within_s": null})));
     gateway.await_start();
     assert_eq!(get(gateway, CONFIG), document);
@@ -212,7 +198,7 @@ fn a_document_that_is_refused_changes_nothing() {
     for text in
         ["", "{", "[]", "1", "{\"bus\":", &document.to_string()[1..], &format!("{document}{document}")]
     {
-        refused(ask(gateway.main, "PUT", CONFIG, text), 400, "bad-json");
+        refused(ask(gateway.main, PUT, text), 400, "bad-json");
     }
     assert_eq!(get(gateway, CONFIG), document);
     assert_eq!(get(gateway, STATE)["settings"], json!(source()));
@@ -233,7 +219,7 @@ fn nobody_s_motion_is_cut_by_settings() {
         }
     });
     refused(put(&rig.gateway, &document), 409, "moving");
-    refused(ask(rig.gateway.main, "DELETE", CONFIG, ""), 409, "moving");
+    refused(ask(rig.gateway.main, DELETE, ""), 409, "moving");
     assert!(rig.turns());
     stream.shutdown(std::net::Shutdown::Both).expect("closed");
     feeding.join().expect("the feeder");
@@ -254,9 +240,9 @@ fn there_is_room_for_one_document_at_a_time_and_for_no_larger_one() {
     // Refused before it is sent.
     let mut large = connect(address);
     large.write_all(head(20_000).as_bytes()).expect("sent");
-    let mut reply = String::new();
-    large.read_to_string(&mut reply).expect("an answer");
-    refused(answer(&reply), 413, "too-large");
+    let mut reply = Vec::new();
+    large.read_to_end(&mut reply).expect("an answer");
+    refused(answer(&Reply::of(&reply)), 413, "too-large");
     let mut slow = connect(address);
     slow.write_all(head(2000).as_bytes()).expect("sent");
     until("the room is taken", || put(&rig.gateway, &json!({})).0 == 503);
@@ -268,11 +254,9 @@ fn there_is_room_for_one_document_at_a_time_and_for_no_larger_one() {
 #[test]
 fn a_page_of_another_origin_changes_no_settings() {
     let rig = Rig::with_flash();
-    for (method, path) in [("PUT", CONFIG), ("DELETE", CONFIG), ("POST", CONFIRM)] {
-        let fields = "Host: gateway\r\nOrigin: http://elsewhere\r\nConnection: close\r\nContent-Length: 0";
-        let reply =
-            visit(rig.gateway.main, format!("{method} {path} HTTP/1.1\r\n{fields}\r\n\r\n").as_bytes());
-        refused(answer(&String::from_utf8(reply).expect("text")), 403, "origin");
+    for line in [PUT, DELETE, CONFIRM] {
+        let reply = insist_with(rig.gateway.main, line, "Origin: http://elsewhere\r\n", "");
+        refused(answer(&reply), 403, "origin");
     }
 }
 
@@ -301,6 +285,6 @@ fn without_flash_settings_are_checked_and_not_taken() {
     let gateway = Gateway::factory();
     let document = get(&gateway, CONFIG);
     refused(put(&gateway, &document), 409, "read-only");
-    refused(ask(gateway.main, "DELETE", CONFIG, ""), 409, "read-only");
+    refused(ask(gateway.main, DELETE, ""), 409, "read-only");
     refused(put(&gateway, &json!({"bus": []})), 400, "settings");
 }

@@ -8,6 +8,7 @@ use std::thread;
 use std::time::Instant;
 
 use common::client::{Lines, Modbus, connect, mbap, read_pdu, rest};
+use common::http::{Reply, request};
 use common::rig::Rig;
 use common::wire::cell;
 use common::{target, thesis};
@@ -56,14 +57,11 @@ fn reply(stream: &mut impl Read) -> Vec<u8> {
     frame
 }
 
-/// Status, and what follows the head.
-fn get(address: SocketAddr, path: &str) -> (String, String) {
+/// A program that waits for the reply and for its end.
+fn get(address: SocketAddr, path: &str) -> Reply {
     let mut stream = connect(address);
-    let request = format!("GET {path} HTTP/1.1\r\nHost: gateway\r\nConnection: close\r\n\r\n");
-    stream.write_all(request.as_bytes()).expect("sent");
-    let reply = String::from_utf8(rest(&mut stream)).expect("text");
-    let (head, body) = reply.split_once("\r\n\r\n").unwrap_or_else(|| panic!("no head: {reply}"));
-    (head.lines().next().expect("a status line").to_owned(), body.to_owned())
+    stream.write_all(request(&format!("GET {path}"), "").as_bytes()).expect("sent");
+    Reply::of(&rest(&mut stream))
 }
 
 /// How a client uses a connection that it makes for one request.
@@ -89,7 +87,7 @@ fn eight_reconnect(manners: [Manner; 8]) {
                 while start.elapsed() < time {
                     match manner {
                         Manner::Modbus => visit(gateway.modbus, number, visits),
-                        Manner::Http => assert_eq!(get(gateway.main, "/nothing").0, "HTTP/1.1 404 Not Found"),
+                        Manner::Http => assert_eq!(get(gateway.main, "/nothing").error().0, 404),
                         Manner::Console => assert_eq!(Lines::connect(gateway.main).ask("feed"), "ok"),
                     }
                     visits += 1;

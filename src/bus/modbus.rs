@@ -2,13 +2,13 @@
 
 use embassy_futures::select::{Either3, select3};
 use embassy_time::Timer;
-use embedded_io_async::{Error, ErrorKind};
+use embedded_io_async::{Error, ErrorKind, Read};
 use puente_line::{Duration, Instant};
 use puente_modbus::{Action, Config, Master};
 
 use super::{End, Haste, Next, Ticket, Work};
 use crate::clock;
-use crate::port::SerialLine;
+use crate::port::{LineReader, LineWriter, SerialLine};
 
 /// Keeps a dead port from being asked in a tight loop.
 const RETRY: embassy_time::Duration = embassy_time::Duration::from_millis(100);
@@ -19,6 +19,7 @@ const LATE: Duration = Duration::from_millis(500);
 
 /// Moves jobs from `work` over `line`, for ever.
 pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) -> ! {
+    let (mut reader, mut writer) = line.split();
     let mut master = Master::new(config);
     let mut buffer = [0; 256];
     let mut current: Option<Ticket> = None;
@@ -28,7 +29,7 @@ pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) 
         match master.poll(now) {
             Action::Transmit(frame) => {
                 work.alive(now + longest + LATE);
-                if let Err(error) = send(line, frame).await {
+                if let Err(error) = send(&mut writer, frame).await {
                     master = Master::new(config);
                     let untouched = error.kind() == ErrorKind::NotConnected;
                     let end = if untouched { End::NotSent } else { End::LineDown };
@@ -69,8 +70,8 @@ pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) 
         let sign = now + SIGN;
         let wake = wake.map_or(sign, |wake| wake.min(sign));
         work.alive(sign + LATE);
-        line.expect(master.lacks());
-        match select3(line.read(&mut buffer), clock::at(Some(wake)), work.changed()).await {
+        reader.expect(master.lacks());
+        match select3(reader.read(&mut buffer), clock::at(Some(wake)), work.changed()).await {
             Either3::First(Ok(n)) if n > 0 => {
                 // What is there when the time has come was there before.
                 let heard = clock::now().min(wake.before()).max(now);
@@ -92,9 +93,9 @@ pub async fn pump(line: &mut impl SerialLine, config: Config, work: &impl Work) 
     }
 }
 
-async fn send<L: SerialLine>(line: &mut L, frame: &[u8]) -> Result<(), L::Error> {
-    line.write_all(frame).await?;
-    line.flush().await
+async fn send<W: LineWriter>(writer: &mut W, frame: &[u8]) -> Result<(), W::Error> {
+    writer.write_all(frame).await?;
+    writer.flush().await
 }
 
 fn finish(work: &impl Work, now: Instant, current: &mut Option<Ticket>, end: End<'_>) {
@@ -110,7 +111,7 @@ mod tests {
     use core::pin::pin;
     use core::task::{Context, Waker};
 
-    use embedded_io_async::{ErrorType, Read, Write};
+    use embedded_io_async::{ErrorType, Write};
     use puente_modbus::{Counters, Echo, Mode};
 
     use super::super::Job;
@@ -119,17 +120,20 @@ mod tests {
     /// A line on which nothing is ever sent or received.
     struct Dead;
 
-    impl ErrorType for Dead {
+    /// Either of its halves.
+    struct Half;
+
+    impl ErrorType for Half {
         type Error = Infallible;
     }
 
-    impl Read for Dead {
+    impl Read for Half {
         async fn read(&mut self, _: &mut [u8]) -> Result<usize, Infallible> {
             core::future::pending().await
         }
     }
 
-    impl Write for Dead {
+    impl Write for Half {
         async fn write(&mut self, _: &[u8]) -> Result<usize, Infallible> {
             core::future::pending().await
         }
@@ -139,7 +143,21 @@ mod tests {
         }
     }
 
-    impl SerialLine for Dead {}
+    impl LineReader for Half {}
+
+    impl LineWriter for Half {
+        fn discard(&mut self) {}
+    }
+
+    impl SerialLine for Dead {
+        type Error = Infallible;
+        type Reader<'a> = Half;
+        type Writer<'a> = Half;
+
+        fn split(&mut self) -> (Half, Half) {
+            (Half, Half)
+        }
+    }
 
     /// One job, or none; and the last sign of life.
     struct Work(RefCell<Option<Job>>, Cell<Option<Instant>>);

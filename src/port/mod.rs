@@ -120,13 +120,46 @@ pub trait Listener {
     async fn accept(&mut self) -> Self::Socket<'_>;
 }
 
-/// The bytes of one serial line. `read` answers with what is there, and must lose nothing when it is dropped.
-/// After an error both methods may be called again: the port reopens the line, waiting where it must. A write that
-/// fails with `NotConnected` has sent nothing; an error of a spoilt character is `InvalidData`.
-pub trait SerialLine: Read + Write {
+/// One serial line.
+///
+/// After an error both halves may be used again: the port reopens the line, the reader waiting where it must. A write
+/// that fails with `NotConnected` has sent nothing; an error of a spoilt character is `InvalidData`.
+pub trait SerialLine {
+    /// What can go wrong.
+    type Error: Error + 'static;
+    /// The receiving half.
+    type Reader<'a>: LineReader<Error = Self::Error>
+    where
+        Self: 'a;
+    /// The sending half.
+    type Writer<'a>: LineWriter<Error = Self::Error>
+    where
+        Self: 'a;
+
+    /// Both halves, usable at once: the receiver is on while the line is sent to. What it hears then is for the
+    /// transceiver to say.
+    fn split(&mut self) -> (Self::Reader<'_>, Self::Writer<'_>);
+}
+
+/// The receiving half of a line. `read` answers with what is there, and must lose nothing when it is dropped.
+pub trait LineReader: Read {
     /// The next `count` characters decide nothing before the last of them is there: `read` may wait for it, as long as
     /// they come without a pause.
     fn expect(&mut self, _count: usize) {}
+
+    /// Whether a character is arriving that has not been received yet; false where the port cannot tell.
+    fn carrier(&self) -> bool {
+        false
+    }
+}
+
+/// The sending half of a line. `write` takes characters as soon as there is room, and waits where there is none; those
+/// of one call and of the next go out without a pause. `flush` waits until the last of them is on the line, where the
+/// port can tell. Either may be dropped; what has been taken goes out all the same.
+pub trait LineWriter: Write {
+    /// Drops what has been taken and not been sent: where the port can, sending ends with the character that is under
+    /// way.
+    fn discard(&mut self);
 }
 
 /// What the lamps of a board show.

@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 
 use serde_json::Value;
 
-use super::client::visit;
+use super::http::insist;
 
 /// What the settings call its lines.
 pub const LINES: [&str; 2] = ["rs485-a", "rs485-b"];
@@ -16,23 +16,13 @@ pub fn json(document: &str) -> Value {
 
 /// Gives a board these settings, with which it starts anew.
 pub fn put(main: SocketAddr, settings: &Value) {
-    let reply = ask(main, "PUT", &settings.to_string());
-    assert!(reply.starts_with("HTTP/1.1 200 "), "{reply}\n{settings}");
+    let reply = insist(main, "PUT /api/config", &settings.to_string());
+    assert_eq!(reply.status, 200, "{}\n{settings}", reply.body);
 }
 
 /// Whether a board has these settings.
 pub fn has(main: SocketAddr, settings: &Value) -> bool {
-    let reply = ask(main, "GET", "");
-    let (_, body) = reply.split_once("\r\n\r\n").unwrap_or_else(|| panic!("no reply: {reply}"));
-    let all = serde_json::from_str(body).unwrap_or_else(|error| panic!("{error}: {reply}"));
-    is_part(settings, &all)
-}
-
-fn ask(main: SocketAddr, method: &str, body: &str) -> String {
-    let length = body.len();
-    let fields = format!("Host: board\r\nConnection: close\r\nContent-Length: {length}");
-    let reply = visit(main, format!("{method} /api/config HTTP/1.1\r\n{fields}\r\n\r\n{body}").as_bytes());
-    String::from_utf8(reply).expect("text")
+    is_part(settings, &insist(main, "GET /api/config", "").json())
 }
 
 /// Whether `all` has the keys of `part`, and more at most.

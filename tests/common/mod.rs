@@ -6,6 +6,7 @@ pub mod client;
 mod document;
 pub mod ethernet;
 mod gateway;
+pub mod http;
 pub mod rig;
 mod target;
 pub mod wire;

@@ -1,6 +1,6 @@
 //! A gateway to test, and a client that sees every byte.
 
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufReader, Read, Write};
 use std::net::{Shutdown, TcpStream};
 use std::time::{Duration, Instant};
 
@@ -9,6 +9,7 @@ use puente_modbus::Mode;
 use serde_json::Value;
 
 use super::common::client::connect;
+use super::common::http::{Reply, line};
 use super::common::wire::{Script, Wire, cell, script};
 use super::common::{self, Document, fast};
 
@@ -82,13 +83,6 @@ pub struct Client {
     stream: BufReader<TcpStream>,
 }
 
-#[derive(Debug)]
-pub struct Reply {
-    pub status: u16,
-    pub fields: Vec<(String, String)>,
-    pub body: String,
-}
-
 impl Client {
     pub fn send(&mut self, text: &str) {
         self.send_bytes(text.as_bytes()).expect("sent");
@@ -104,48 +98,16 @@ impl Client {
     }
 
     pub fn reply(&mut self) -> Reply {
-        let mut reply = self.head();
-        if let Some(length) = reply.field("content-length") {
-            let mut body = vec![0; length.parse().expect("a length")];
-            self.stream.read_exact(&mut body).expect("a body");
-            reply.body = String::from_utf8(body).expect("text");
-        } else if reply.field("transfer-encoding") == Some("chunked") {
-            while let Some(chunk) = self.chunk() {
-                reply.body += &chunk;
-            }
-        } else {
-            self.stream.read_to_string(&mut reply.body).expect("a body");
-        }
-        reply
+        Reply::read(&mut self.stream)
     }
 
     /// A reply without its body.
     pub fn head(&mut self) -> Reply {
-        let line = self.line();
-        let status = line.strip_prefix("HTTP/1.1 ").and_then(|rest| rest.get(..3)).expect("a status line");
-        let mut fields = Vec::new();
-        loop {
-            let line = self.line();
-            if line.is_empty() {
-                return Reply { status: status.parse().expect("a number"), fields, body: String::new() };
-            }
-            let (name, value) = line.split_once(": ").expect("a field");
-            fields.push((name.to_ascii_lowercase(), value.to_owned()));
-        }
+        Reply::head(&mut self.stream)
     }
 
     pub fn line(&mut self) -> String {
-        let mut line = String::new();
-        self.stream.read_line(&mut line).expect("a line");
-        line.strip_suffix("\r\n").expect("CRLF").to_owned()
-    }
-
-    fn chunk(&mut self) -> Option<String> {
-        let length = usize::from_str_radix(&self.line(), 16).expect("a length");
-        let mut chunk = vec![0; length];
-        self.stream.read_exact(&mut chunk).expect("a chunk");
-        assert_eq!(self.line(), "");
-        (length > 0).then(|| String::from_utf8(chunk).expect("text"))
+        line(&mut self.stream)
     }
 
     /// Whether the gateway has closed; what it still says is an error.
@@ -158,23 +120,5 @@ impl Client {
             }
             Err(error) => error.kind() == std::io::ErrorKind::ConnectionReset,
         }
-    }
-}
-
-impl Reply {
-    pub fn field(&self, name: &str) -> Option<&str> {
-        self.fields.iter().find(|(field, _)| field == name).map(|(_, value)| value.as_str())
-    }
-
-    pub fn json(&self) -> Value {
-        serde_json::from_str(&self.body).unwrap_or_else(|error| panic!("{error}: {}", self.body))
-    }
-
-    /// Status and code of an error.
-    pub fn error(&self) -> (u16, String) {
-        assert_eq!(self.field("content-type"), Some("application/json"), "{self:?}");
-        let json = self.json();
-        assert!(json["error"]["message"].as_str().is_some_and(|text| !text.is_empty()), "{json}");
-        (self.status, json["error"]["code"].as_str().expect("a code").to_owned())
     }
 }

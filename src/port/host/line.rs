@@ -1,11 +1,15 @@
 //! A serial line of the host, whatever is behind it. What breaks is opened anew.
 
+use std::cell::{Cell, RefCell};
 use std::fmt;
 use std::fs::File;
 use std::io::{self, Read as _, Write as _};
 use std::net::{TcpStream, ToSocketAddrs};
+use std::rc::Rc;
 
 use async_io::Async;
+use embassy_sync::blocking_mutex::raw::NoopRawMutex;
+use embassy_sync::mutex::Mutex;
 use embassy_time::{Duration, Timer, with_timeout};
 use embedded_io_async::{ErrorType, Read, Write};
 use puente_line::Settings;
@@ -13,7 +17,7 @@ use puente_modbus::Mode;
 
 use super::sim::Sim;
 use super::tty;
-use crate::port::SerialLine;
+use crate::port::{LineReader, LineWriter, SerialLine};
 
 const RETRY: Duration = Duration::from_secs(1);
 const CONNECT: Duration = Duration::from_secs(2);
@@ -77,56 +81,112 @@ pub fn check_line(port: &str, settings: Settings) -> Result<(), BadPort> {
     LineSpec::parse(port, settings, || puente_cell::Config::new(Mode::Ascii, settings, &[])).map(|_| ())
 }
 
+/// What a line is connected with at present.
+#[derive(Clone)]
 enum Wire {
-    Closed,
-    Sim(Box<Sim>),
-    Tty(Async<File>),
-    Tcp(Async<TcpStream>),
+    Sim(Rc<Sim>),
+    Tty(Rc<Async<File>>),
+    Tcp(Rc<Async<TcpStream>>),
+}
+
+impl Wire {
+    async fn read(&self, buffer: &mut [u8]) -> io::Result<usize> {
+        match self {
+            Self::Sim(sim) => return Ok(sim.read(buffer).await),
+            Self::Tty(file) => file.read_with(|mut file| file.read(buffer)).await,
+            Self::Tcp(stream) => stream.read_with(|mut stream| stream.read(buffer)).await,
+        }
+        .and_then(|count| some(count, io::ErrorKind::UnexpectedEof))
+    }
+
+    async fn write(&self, bytes: &[u8]) -> io::Result<usize> {
+        match self {
+            Self::Sim(sim) => Ok(sim.write(bytes)),
+            Self::Tty(file) => file.write_with(|mut file| file.write(bytes)).await,
+            Self::Tcp(stream) => stream.write_with(|mut stream| stream.write(bytes)).await,
+        }
+        .and_then(|count| some(count, io::ErrorKind::WriteZero))
+    }
+
+    /// Whether both are the same connection.
+    fn is(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Sim(a), Self::Sim(b)) => Rc::ptr_eq(a, b),
+            (Self::Tty(a), Self::Tty(b)) => Rc::ptr_eq(a, b),
+            (Self::Tcp(a), Self::Tcp(b)) => Rc::ptr_eq(a, b),
+            _ => false,
+        }
+    }
+}
+
+/// Nothing where there should be something is an error.
+fn some(count: usize, otherwise: io::ErrorKind) -> io::Result<usize> {
+    if count > 0 { Ok(count) } else { Err(otherwise.into()) }
 }
 
 /// A serial line.
 pub struct Line {
     spec: LineSpec,
-    wire: Wire,
+    wire: RefCell<Option<Wire>>,
+    /// Held while it is opened, so that the halves do not both do it.
+    opening: Mutex<NoopRawMutex, ()>,
     /// The last failure has been told.
-    told: bool,
+    told: Cell<bool>,
 }
 
 impl Line {
     /// A line; it is opened with its first use.
     pub fn new(spec: LineSpec) -> Self {
-        Self { spec, wire: Wire::Closed, told: false }
+        Self { spec, wire: RefCell::new(None), opening: Mutex::new(()), told: Cell::new(false) }
     }
 
-    async fn open(&mut self) -> io::Result<()> {
-        if !matches!(self.wire, Wire::Closed) {
-            return Ok(());
+    fn wire(&self) -> Option<Wire> {
+        self.wire.borrow().clone()
+    }
+
+    async fn open(&self) -> io::Result<Wire> {
+        if let Some(wire) = self.wire() {
+            return Ok(wire);
+        }
+        let _opening = self.opening.lock().await;
+        // The other half may have done it meanwhile.
+        if let Some(wire) = self.wire() {
+            return Ok(wire);
         }
         let opened = match &self.spec {
-            LineSpec::Sim(config) => Ok(Wire::Sim(Box::new(Sim::new(config.clone())))),
+            LineSpec::Sim(config) => Ok(Wire::Sim(Rc::new(Sim::new(config.clone())))),
             LineSpec::Tty { path, settings } => {
-                tty::open(path, *settings).and_then(Async::new).map(Wire::Tty)
+                tty::open(path, *settings).and_then(Async::new).map(|file| Wire::Tty(Rc::new(file)))
             }
-            LineSpec::Tcp(address) => connect(address).await.map(Wire::Tcp),
+            LineSpec::Tcp(address) => connect(address).await.map(|stream| Wire::Tcp(Rc::new(stream))),
         };
         match opened {
             Ok(wire) => {
                 log::info!("line {} is open", self.spec.name());
-                self.wire = wire;
-                self.told = false;
-                Ok(())
+                self.wire.replace(Some(wire.clone()));
+                self.told.set(false);
+                Ok(wire)
             }
-            Err(error) => Err(self.lost(error)),
+            Err(error) => {
+                self.tell(&error);
+                Err(error)
+            }
         }
     }
 
-    fn lost(&mut self, error: io::Error) -> io::Error {
-        if !self.told {
-            log::error!("line {}: {error}; trying again", self.spec.name());
-            self.told = true;
+    /// This connection is of no use any more. There may be a new one already.
+    fn lost(&self, wire: &Wire, error: &io::Error) {
+        let mut current = self.wire.borrow_mut();
+        if current.as_ref().is_some_and(|current| current.is(wire)) {
+            self.tell(error);
+            *current = None;
         }
-        self.wire = Wire::Closed;
-        error
+    }
+
+    fn tell(&self, error: &io::Error) {
+        if !self.told.replace(true) {
+            log::error!("line {}: {error}; trying again", self.spec.name());
+        }
     }
 }
 
@@ -142,51 +202,64 @@ async fn connect(address: &str) -> io::Result<Async<TcpStream>> {
     }
 }
 
-impl SerialLine for Line {}
+impl SerialLine for Line {
+    type Error = io::Error;
+    type Reader<'a> = Reader<'a>;
+    type Writer<'a> = Writer<'a>;
 
-impl ErrorType for Line {
+    fn split(&mut self) -> (Reader<'_>, Writer<'_>) {
+        (Reader(self), Writer(self))
+    }
+}
+
+/// The receiving half.
+pub struct Reader<'a>(&'a Line);
+
+impl ErrorType for Reader<'_> {
     type Error = io::Error;
 }
 
-impl Read for Line {
+impl Read for Reader<'_> {
     async fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        while self.open().await.is_err() {
-            Timer::after(RETRY).await;
-        }
-        let read = match &mut self.wire {
-            Wire::Closed => Ok(0),
-            Wire::Sim(sim) => return Ok(sim.read(buffer).await),
-            Wire::Tty(file) => file.read_with(|mut file| file.read(buffer)).await,
-            Wire::Tcp(stream) => stream.read_with(|mut stream| stream.read(buffer)).await,
+        let wire = loop {
+            match self.0.open().await {
+                Ok(wire) => break wire,
+                Err(_) => Timer::after(RETRY).await,
+            }
         };
-        match read {
-            Ok(0) => Err(self.lost(io::ErrorKind::UnexpectedEof.into())),
-            Err(error) => Err(self.lost(error)),
-            Ok(count) => Ok(count),
-        }
+        wire.read(buffer).await.inspect_err(|error| self.0.lost(&wire, error))
     }
 }
 
-impl Write for Line {
+impl LineReader for Reader<'_> {}
+
+/// The sending half.
+pub struct Writer<'a>(&'a Line);
+
+impl ErrorType for Writer<'_> {
+    type Error = io::Error;
+}
+
+impl Write for Writer<'_> {
     async fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.open().await.map_err(|error| io::Error::new(io::ErrorKind::NotConnected, error))?;
-        let written = match &mut self.wire {
-            Wire::Closed => Ok(0),
-            Wire::Sim(sim) => {
-                sim.write(bytes);
-                return Ok(bytes.len());
-            }
-            Wire::Tty(file) => file.write_with(|mut file| file.write(bytes)).await,
-            Wire::Tcp(stream) => stream.write_with(|mut stream| stream.write(bytes)).await,
-        };
-        match written {
-            Ok(0) => Err(self.lost(io::ErrorKind::WriteZero.into())),
-            Err(error) => Err(self.lost(error)),
-            Ok(count) => Ok(count),
-        }
+        let wire = self.0.open().await.map_err(|error| io::Error::new(io::ErrorKind::NotConnected, error))?;
+        wire.write(bytes).await.inspect_err(|error| self.0.lost(&wire, error))
     }
 
+    /// The system does not tell.
     async fn flush(&mut self) -> io::Result<()> {
         Ok(())
     }
 }
+
+impl LineWriter for Writer<'_> {
+    /// Of a serial device, what the system has of it. What is given to TCP, or to the simulated cell, is sent.
+    fn discard(&mut self) {
+        if let Some(Wire::Tty(file)) = self.0.wire() {
+            tty::discard(&file);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

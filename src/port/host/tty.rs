@@ -2,6 +2,7 @@
 
 use std::fs::{File, OpenOptions};
 use std::io;
+use std::os::fd::AsFd;
 use std::os::unix::fs::OpenOptionsExt;
 
 use puente_line::{Parity, Settings};
@@ -34,6 +35,12 @@ pub(super) fn open(path: &str, settings: Settings) -> io::Result<File> {
     let _ = termios::ioctl_tiocexcl(&file);
     termios::tcflush(&file, termios::QueueSelector::IOFlush)?;
     Ok(file)
+}
+
+/// Drops what has been written and not been sent.
+pub(super) fn discard(file: &impl AsFd) {
+    // Where a device cannot do it, it sends what nobody wants any more, which no one on the line can tell from noise.
+    let _ = termios::tcflush(file, termios::QueueSelector::OFlush);
 }
 
 fn control_modes(settings: Settings) -> ControlModes {

@@ -19,6 +19,7 @@ use super::pacer::{LINE_A, LINE_B, Pacer};
 use super::registers::{self, Registers};
 #[cfg(feature = "test-hooks")]
 use crate::port::embedded::hooks;
+use crate::port::{LineReader, LineWriter, SerialLine};
 
 const DATA: usize = 0x00;
 const STATE: usize = 0x04;
@@ -38,8 +39,10 @@ const LISTENING: u32 = ON | 0b1000;
 const LEAST_DIVIDER: u32 = 16;
 const CLOCK: u32 = 25_000_000;
 
-/// Characters that go out in one piece.
+/// Characters taken and not yet sent: a Modbus ASCII frame has 513.
 const TRANSMIT: usize = 520;
+/// So many are left when the writer is told that there is room.
+const FEW: usize = TRANSMIT / 2;
 /// Characters received and not yet read.
 const RECEIVE: usize = 1024;
 
@@ -145,7 +148,9 @@ impl Uart {
         let next = buffers.outgoing.pop_front();
         if let Some(character) = next {
             self.registers.write(DATA, u32::from(character));
-        } else if buffers.sending {
+        }
+        let sent = next.is_none() && buffers.sending;
+        if sent || buffers.outgoing.len() == FEW {
             self.writer.wake();
         }
         buffers.sending = next.is_some();
@@ -180,19 +185,33 @@ impl Line {
     }
 }
 
-impl ErrorType for Line {
+impl SerialLine for Line {
+    type Error = Infallible;
+    type Reader<'a> = Reader<'a>;
+    type Writer<'a> = Writer<'a>;
+
+    fn split(&mut self) -> (Reader<'_>, Writer<'_>) {
+        (Reader(self), Writer(self))
+    }
+}
+
+/// The receiving half.
+pub struct Reader<'a>(&'a Line);
+
+impl ErrorType for Reader<'_> {
     type Error = Infallible;
 }
 
-impl Read for Line {
+impl Read for Reader<'_> {
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Infallible> {
         #[cfg(feature = "test-hooks")]
         hooks::reading();
+        let Line { uart, mask } = self.0;
         poll_fn(|context| {
-            self.uart.reader.register(context.waker());
-            let length = self.uart.with(|buffers| {
+            uart.reader.register(context.waker());
+            let length = uart.with(|buffers| {
                 let received = core::iter::from_fn(|| buffers.incoming.pop_front());
-                buffer.iter_mut().zip(received).map(|(to, from)| *to = from & self.mask).count()
+                buffer.iter_mut().zip(received).map(|(to, from)| *to = from & mask).count()
             });
             if length == 0 && !buffer.is_empty() { Poll::Pending } else { Poll::Ready(Ok(length)) }
         })
@@ -200,39 +219,57 @@ impl Read for Line {
     }
 }
 
-impl Write for Line {
-    /// Waits until the line is quiet, then starts to send up to a whole frame.
+impl LineReader for Reader<'_> {
+    fn expect(&mut self, count: usize) {
+        self.0.uart.with(|buffers| buffers.expected = count.min(RECEIVE / 2));
+    }
+}
+
+/// The sending half.
+pub struct Writer<'a>(&'a Line);
+
+impl ErrorType for Writer<'_> {
+    type Error = Infallible;
+}
+
+impl Write for Writer<'_> {
     async fn write(&mut self, characters: &[u8]) -> Result<usize, Infallible> {
         #[cfg(feature = "test-hooks")]
         hooks::writing().await;
-        self.flush().await?;
-        let piece = characters.get(..TRANSMIT).unwrap_or(characters);
-        self.uart.with(|buffers| {
-            for character in piece {
-                // There is room: the buffer is empty, and as long as the piece at least.
-                let _ = buffers.outgoing.push_back(character & self.mask);
-            }
-            if !buffers.ticking {
-                self.uart.send(buffers);
-            }
-            self.uart.tick_on(buffers);
-        });
-        Ok(piece.len())
+        let Line { uart, mask } = self.0;
+        poll_fn(|context| {
+            uart.writer.register(context.waker());
+            uart.with(|buffers| {
+                if buffers.outgoing.len() > FEW {
+                    return Poll::Pending;
+                }
+                let room = TRANSMIT - buffers.outgoing.len();
+                let piece = characters.get(..room).unwrap_or(characters);
+                buffers.outgoing.extend(piece.iter().map(|character| character & mask));
+                if !buffers.ticking {
+                    uart.send(buffers);
+                }
+                uart.tick_on(buffers);
+                Poll::Ready(Ok(piece.len()))
+            })
+        })
+        .await
     }
 
     /// Waits until the last stop bit would be on the line.
     async fn flush(&mut self) -> Result<(), Infallible> {
+        let uart = self.0.uart;
         poll_fn(|context| {
-            self.uart.writer.register(context.waker());
-            let quiet = self.uart.with(|buffers| buffers.outgoing.is_empty() && !buffers.sending);
+            uart.writer.register(context.waker());
+            let quiet = uart.with(|buffers| buffers.outgoing.is_empty() && !buffers.sending);
             if quiet { Poll::Ready(Ok(())) } else { Poll::Pending }
         })
         .await
     }
 }
 
-impl crate::port::SerialLine for Line {
-    fn expect(&mut self, count: usize) {
-        self.uart.with(|buffers| buffers.expected = count.min(RECEIVE / 2));
+impl LineWriter for Writer<'_> {
+    fn discard(&mut self) {
+        self.0.uart.with(|buffers| buffers.outgoing.clear());
     }
 }

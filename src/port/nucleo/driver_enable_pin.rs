@@ -5,12 +5,11 @@
 //! the desk's and the clock's critical sections, a line of the log, the other line's interrupt.
 
 use core::cell::RefCell;
-use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicU32, Ordering};
 
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::{Level, Output, Pin, Speed};
 use embassy_stm32::interrupt::typelevel::Binding;
-use embassy_stm32::pac::usart::Usart;
 use embassy_stm32::usart::{
     BufferedInterruptHandler, BufferedUart, Config, ConfigError, Instance, RxPin, TxPin,
 };
@@ -18,37 +17,18 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_time::Timer;
 
-use super::line::{Arrival, Buffers};
+use super::line::Buffers;
 
 /// The pin, which the line raises and its interrupt lowers.
 pub(super) struct DriverEnable {
     pin: Mutex<CriticalSectionRawMutex, RefCell<Option<Output<'static>>>>,
     /// Time of a bit, in µs, rounded up.
     bit: AtomicU32,
-    /// The last character has been handed to the USART.
-    last: AtomicBool,
 }
 
 impl DriverEnable {
     pub(super) const fn new() -> Self {
-        Self { pin: Mutex::new(RefCell::new(None)), bit: AtomicU32::new(0), last: AtomicBool::new(false) }
-    }
-
-    /// What the status register tells of the character that is about to be fetched. To be called before embassy's
-    /// handler of the interrupt,
-    pub(super) fn before(&self, usart: Usart) -> Arrival {
-        self.last.store(usart.cr1().read().tcie(), Ordering::Relaxed);
-        let status = usart.sr().read();
-        Arrival { received: status.rxne(), overrun: status.ore(), framing: status.fe(), parity: status.pe() }
-    }
-
-    /// and this after it: where the handler has seen the end of the last character and had no other to send, the line
-    /// is free.
-    pub(super) fn after(&self, usart: Usart) {
-        let control = usart.cr1().read();
-        if self.last.load(Ordering::Relaxed) && !control.tcie() && !control.txeie() {
-            self.set(Level::Low);
-        }
+        Self { pin: Mutex::new(RefCell::new(None)), bit: AtomicU32::new(0) }
     }
 
     /// Takes the line, and waits until the transceiver drives it.
@@ -57,6 +37,11 @@ impl DriverEnable {
         self.set(Level::High);
         Timer::after_micros(u64::from(self.bit.load(Ordering::Relaxed))).await;
         raised
+    }
+
+    /// The line is free.
+    pub(super) fn lower(&self) {
+        self.set(Level::Low);
     }
 
     fn set(&self, level: Level) {
@@ -94,6 +79,6 @@ impl Raised {
 
 impl Drop for Raised {
     fn drop(&mut self) {
-        self.0.set(Level::Low);
+        self.0.lower();
     }
 }

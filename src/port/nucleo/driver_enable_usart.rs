@@ -2,12 +2,11 @@
 
 use embassy_stm32::Peri;
 use embassy_stm32::interrupt::typelevel::Binding;
-use embassy_stm32::pac::usart::Usart;
 use embassy_stm32::usart::{
     BufferedInterruptHandler, BufferedUart, Config, ConfigError, DePin, Instance, RxPin, TxPin,
 };
 
-use super::line::{Arrival, Buffers};
+use super::line::Buffers;
 
 /// How long driver-enable leads the first start bit, and how long it outlasts the last stop bit: 1 bit time (16/16).
 /// A MAX3485-class driver needs a few microseconds at most; every Modbus slave waits 3.5 characters.
@@ -21,19 +20,11 @@ impl DriverEnable {
         Self
     }
 
-    /// What the status register tells of the character that is about to be fetched. To be called before embassy's
-    /// handler of the interrupt,
-    pub(super) fn before(&self, usart: Usart) -> Arrival {
-        let status = usart.isr().read();
-        Arrival { received: status.rxne(), overrun: status.ore(), framing: status.fe(), parity: status.pe() }
-    }
-
-    /// and this after it.
-    pub(super) fn after(&self, _: Usart) {}
-
     pub(super) async fn raise(&'static self) -> Raised {
         Raised
     }
+
+    pub(super) fn lower(&self) {}
 
     /// Opens the USART.
     pub(super) fn open<T: Instance>(

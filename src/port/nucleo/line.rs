@@ -1,149 +1,40 @@
 //! An RS-485 line: a USART, and the transceiver's driver-enable pin.
 
 use core::future::poll_fn;
-use core::sync::atomic::{AtomicBool, AtomicU8, AtomicUsize, Ordering};
 use core::task::Poll;
 
 use embassy_stm32::gpio::Pull;
+use embassy_stm32::pac::usart::Usart;
 use embassy_stm32::usart::{self, BufferedUart, Config, ConfigError, DataBits, StopBits};
-use embassy_sync::waitqueue::AtomicWaker;
-use embedded_io_async::{BufRead, ErrorKind, ErrorType, Read, Write};
+use embedded_io_async::{BufRead, ErrorType, Read, Write};
 use puente_line::{Parity, Settings};
 
-use super::driver_enable::DriverEnable;
+use super::driver_enable::{DriverEnable, Raised};
+use super::receiver::{Error, Receiver};
+use super::registers;
+use super::transmitter::Transmitter;
 #[cfg(feature = "test-hooks")]
 use crate::port::embedded::hooks;
+use crate::port::{LineReader, LineWriter, SerialLine};
 
-/// Longest frame that goes out in one piece: a Modbus ASCII frame has 513 characters.
-pub(super) const TRANSMIT: usize = 520;
 /// Characters received and not yet read.
 pub(super) const RECEIVE: usize = 1024;
 
-/// Where a USART keeps characters.
+/// Where embassy's driver keeps characters. It needs one to send, and has none: see [`Transmitter`].
 pub(super) struct Buffers {
-    pub sent: &'static mut [u8; TRANSMIT],
+    pub sent: &'static mut [u8; 1],
     pub received: &'static mut [u8; RECEIVE],
-}
-
-/// What the status register tells of the character that is about to be fetched.
-pub(super) struct Arrival {
-    pub received: bool,
-    pub overrun: bool,
-    pub framing: bool,
-    pub parity: bool,
-}
-
-/// Why received characters are not to be trusted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Error {
-    /// Characters came faster than they were fetched, and some are lost.
-    Overrun,
-    /// No stop bit where one was due: noise, a collision, or another baud rate or format.
-    Framing,
-    /// The parity bit does not match.
-    Parity,
-}
-
-impl core::fmt::Display for Error {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str(match self {
-            Error::Overrun => "characters were lost",
-            Error::Framing => "a character had no stop bit",
-            Error::Parity => "a character had the wrong parity",
-        })
-    }
-}
-
-impl core::error::Error for Error {}
-
-impl embedded_io_async::Error for Error {
-    fn kind(&self) -> ErrorKind {
-        ErrorKind::InvalidData
-    }
-}
-
-/// What embassy's driver does not do with received characters, so that handlers of our own do it before and after its
-/// own: it drops errors and passes the spoilt character on as a good one, and it wakes the reader at each character, or
-/// at a pause only.
-pub(super) struct Receiver {
-    /// Errors, kept until somebody reads.
-    errors: AtomicU8,
-    /// Characters that the reader still waits for.
-    expected: AtomicUsize,
-    /// The last of them is there, or one that nobody waits for.
-    due: AtomicBool,
-    reader: AtomicWaker,
-}
-
-impl Receiver {
-    const OVERRUN: u8 = 1;
-    const FRAMING: u8 = 2;
-    const PARITY: u8 = 4;
-
-    pub(super) const fn new() -> Self {
-        Self {
-            errors: AtomicU8::new(0),
-            expected: AtomicUsize::new(1),
-            due: AtomicBool::new(false),
-            reader: AtomicWaker::new(),
-        }
-    }
-
-    /// Before the character is fetched.
-    pub(super) fn arriving(&self, arrival: Arrival) {
-        let flag = |set, bit| if set { bit } else { 0 };
-        let seen = flag(arrival.overrun, Self::OVERRUN)
-            | flag(arrival.framing, Self::FRAMING)
-            | flag(arrival.parity, Self::PARITY);
-        if seen != 0 {
-            self.errors.fetch_or(seen, Ordering::Relaxed);
-        }
-        if arrival.received {
-            // Nobody else writes at this priority, and nothing interrupts it.
-            let expected = self.expected.load(Ordering::Relaxed).saturating_sub(1);
-            self.expected.store(expected, Ordering::Relaxed);
-            self.due.store(expected == 0, Ordering::Relaxed);
-        }
-    }
-
-    /// After it was fetched.
-    pub(super) fn arrived(&self) {
-        if self.due.load(Ordering::Relaxed) {
-            self.due.store(false, Ordering::Relaxed);
-            self.reader.wake();
-        }
-    }
-
-    /// The worst error since the last call.
-    fn take_error(&self) -> Option<Error> {
-        match self.errors.swap(0, Ordering::Relaxed) {
-            0 => None,
-            seen if seen & Self::OVERRUN != 0 => Some(Error::Overrun),
-            seen if seen & Self::FRAMING != 0 => Some(Error::Framing),
-            _ => Some(Error::Parity),
-        }
-    }
 }
 
 /// An open line.
 pub struct Line {
     uart: BufferedUart<'static>,
+    usart: Usart,
     driver: &'static DriverEnable,
     receiver: &'static Receiver,
-    /// Bits that are data: with 7 data bits and parity the receiver leaves the parity bit above them.
+    transmitter: &'static Transmitter,
+    /// Bits that are data.
     data: u8,
-}
-
-impl Line {
-    pub(super) fn new(
-        uart: BufferedUart<'static>,
-        driver: &'static DriverEnable,
-        receiver: &'static Receiver,
-        settings: Settings,
-    ) -> Self {
-        let data = if settings.format.data_bits == 7 { 0x7F } else { 0xFF };
-        Self { uart, driver, receiver, data }
-    }
 }
 
 /// The driver's settings. It adds the parity bit to the word length itself, as the hardware counts it.
@@ -171,18 +62,37 @@ pub(super) fn config(settings: Settings) -> Result<Config, ConfigError> {
     Ok(config)
 }
 
-impl ErrorType for Line {
+impl SerialLine for Line {
+    type Error = Error;
+    type Reader<'a> = Reader<'a>;
+    type Writer<'a> = Writer<'a>;
+
+    fn split(&mut self) -> (Reader<'_>, Writer<'_>) {
+        let Self { uart, usart, driver, receiver, transmitter, data } = self;
+        (Reader { uart, usart: *usart, receiver, data: *data }, Writer { usart: *usart, driver, transmitter })
+    }
+}
+
+/// The receiving half.
+pub struct Reader<'a> {
+    uart: &'a mut BufferedUart<'static>,
+    usart: Usart,
+    receiver: &'static Receiver,
+    data: u8,
+}
+
+impl ErrorType for Reader<'_> {
     type Error = Error;
 }
 
-impl Read for Line {
+impl Read for Reader<'_> {
     /// Waits for characters. An error comes before the characters that it spoilt, which the next call returns.
     async fn read(&mut self, buffer: &mut [u8]) -> Result<usize, Error> {
         #[cfg(feature = "test-hooks")]
         hooks::reading();
         // Not consumed until copied, so that nothing is lost where this future is dropped or an error goes first.
         let ready = poll_fn(|context| {
-            self.receiver.reader.register(context.waker());
+            self.receiver.register(context.waker());
             Poll::Ready(())
         });
         ready.await;
@@ -200,32 +110,56 @@ impl Read for Line {
     }
 }
 
-impl Write for Line {
-    /// Waits until the line is quiet, then starts to send up to a whole frame.
+impl LineReader for Reader<'_> {
+    fn expect(&mut self, count: usize) {
+        self.receiver.expect(count);
+    }
+
+    fn carrier(&self) -> bool {
+        registers::is_receiving(self.usart)
+    }
+}
+
+/// The sending half.
+pub struct Writer<'a> {
+    usart: Usart,
+    driver: &'static DriverEnable,
+    transmitter: &'a Transmitter,
+}
+
+impl ErrorType for Writer<'_> {
+    type Error = Error;
+}
+
+impl Write for Writer<'_> {
     async fn write(&mut self, characters: &[u8]) -> Result<usize, Error> {
-        // embassy's driver never completes a write of nothing, nor one that finds its buffer partly full.
+        #[cfg(feature = "test-hooks")]
+        hooks::writing().await;
         if characters.is_empty() {
             return Ok(0);
         }
-        #[cfg(feature = "test-hooks")]
-        hooks::writing().await;
-        self.flush().await?;
-        let piece = characters.get(..TRANSMIT).unwrap_or(characters);
-        let raised = self.driver.raise().await;
-        let length = Write::write(&mut self.uart, piece).await.map_err(|_| Error::Overrun)?;
-        raised.sent();
-        Ok(length)
+        loop {
+            let raised = if self.transmitter.is_sending() { None } else { Some(self.driver.raise().await) };
+            let taken = poll_fn(|context| {
+                self.transmitter.take(self.usart, context.waker(), characters, raised.is_some())
+            });
+            // None where the line has become free meanwhile.
+            if let Some(length) = taken.await {
+                raised.map(Raised::sent);
+                return Ok(length);
+            }
+        }
     }
 
     /// Waits until the last stop bit is on the line.
     async fn flush(&mut self) -> Result<(), Error> {
-        Write::flush(&mut self.uart).await.map_err(|_| Error::Overrun)
+        poll_fn(|context| self.transmitter.ended(context.waker()).map(Ok)).await
     }
 }
 
-impl crate::port::SerialLine for Line {
-    fn expect(&mut self, count: usize) {
-        self.receiver.expected.store(count, Ordering::Relaxed);
+impl LineWriter for Writer<'_> {
+    fn discard(&mut self) {
+        self.transmitter.discard(self.usart);
     }
 }
 
@@ -241,11 +175,12 @@ macro_rules! rs485 {
             use puente_line::Settings;
             use static_cell::ConstStaticCell;
 
-            use super::{Buffers, DriverEnable, Line, RECEIVE, Receiver, TRANSMIT, config};
+            use super::{Buffers, DriverEnable, Line, RECEIVE, Receiver, Transmitter, config, registers};
 
             static RECEIVER: Receiver = Receiver::new();
+            static TRANSMITTER: Transmitter = Transmitter::new();
             static DRIVER: DriverEnable = DriverEnable::new();
-            static SENT: ConstStaticCell<[u8; TRANSMIT]> = ConstStaticCell::new([0; TRANSMIT]);
+            static SENT: ConstStaticCell<[u8; 1]> = ConstStaticCell::new([0]);
             static RECEIVED: ConstStaticCell<[u8; RECEIVE]> = ConstStaticCell::new([0; RECEIVE]);
 
             /// Runs before embassy's handler, which clears the flags.
@@ -253,7 +188,8 @@ macro_rules! rs485 {
 
             impl Handler<typelevel::$usart> for Before {
                 unsafe fn on_interrupt() {
-                    RECEIVER.arriving(DRIVER.before(pac::$usart));
+                    RECEIVER.arriving(registers::arrival(pac::$usart));
+                    TRANSMITTER.interrupting(pac::$usart);
                 }
             }
 
@@ -262,7 +198,9 @@ macro_rules! rs485 {
 
             impl Handler<typelevel::$usart> for After {
                 unsafe fn on_interrupt() {
-                    DRIVER.after(pac::$usart);
+                    if TRANSMITTER.interrupted(pac::$usart) {
+                        DRIVER.lower();
+                    }
                     RECEIVER.arrived();
                 }
             }
@@ -288,7 +226,10 @@ macro_rules! rs485 {
                     let config = config(settings)?;
                     let uart =
                         DRIVER.open(self.usart, (self.rx, self.tx, self.de), Interrupts, buffers, config)?;
-                    Ok(Line::new(uart, &DRIVER, &RECEIVER, settings))
+                    // With 7 data bits and parity the receiver leaves the parity bit above them.
+                    let data = if settings.format.data_bits == 7 { 0x7F } else { 0xFF };
+                    let (receiver, transmitter) = (&RECEIVER, &TRANSMITTER);
+                    Ok(Line { uart, usart: pac::$usart, driver: &DRIVER, receiver, transmitter, data })
                 }
             }
         }

@@ -15,8 +15,10 @@ mod mac;
 #[cfg(any(feature = "nucleo-f767zi", feature = "nucleo-f429zi"))]
 mod mb1137;
 mod net;
+mod receiver;
 mod reset;
 mod temperature;
+mod transmitter;
 mod watchdog;
 
 #[cfg(feature = "nucleo-f429zi")]
@@ -36,6 +38,13 @@ mod driver_enable;
 #[path = "driver_enable_usart.rs"]
 mod driver_enable;
 
+#[cfg(feature = "nucleo-f429zi")]
+#[path = "registers_v2.rs"]
+mod registers;
+#[cfg(not(feature = "nucleo-f429zi"))]
+#[path = "registers_v3.rs"]
+mod registers;
+
 use embassy_executor::{SendSpawner, Spawner};
 use embassy_stm32::gpio::{AnyPin, Input, Pull};
 use embassy_stm32::peripherals::PC13;
@@ -45,7 +54,7 @@ use embassy_stm32::{Peri, uid};
 pub use executor::run;
 pub use flash::Flash;
 pub use leds::Leds;
-pub use line::{Error as LineError, Line};
+pub use line::Line;
 pub use lines::{BadPort, Lines, check_line};
 pub(super) use log::{last_words, log, logs};
 pub use temperature::temperature;

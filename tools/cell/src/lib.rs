@@ -21,7 +21,7 @@
 //! Left out: ESTUN drives answer the first two communication faults in a row with an error frame and drop the third
 //! silently; the cell drops every frame whose check does not match. The two directions do not collide: a reply that
 //! comes late is seen whole, even while the master sends.
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 #![deny(missing_docs)]
 
 mod answer;
@@ -29,6 +29,7 @@ mod cell;
 mod drive;
 mod fault;
 mod line;
+pub mod live;
 mod log;
 mod motor;
 mod profile;

@@ -256,7 +256,7 @@ impl<N: Node> Line<N> {
         for seat in &mut self.seats {
             let at = self.now + self.character + way(from, seat.place.position);
             seat.record.quiet_from = at;
-            if !seat.place.deaf {
+            if seat.listens() {
                 seat.node.hear(micros(at), Heard::Byte(byte));
                 seat.wake_after(at);
             }
@@ -291,7 +291,7 @@ impl<N: Node> Line<N> {
         {
             seat.record.hears_collision();
         }
-        if !seat.place.deaf {
+        if seat.listens() {
             seat.node.hear(micros(now), heard);
             seat.wake_after(now);
         }

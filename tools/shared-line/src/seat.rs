@@ -31,6 +31,8 @@ pub struct Place {
     pub sense: Sense,
     /// It hears nothing.
     pub deaf: bool,
+    /// It hears itself. Without, its receiver is off while it sends.
+    pub echo: bool,
     /// Nobody hears it: what it sends gets no further than its transmitter.
     pub mute: bool,
     /// Its manners are watched.
@@ -47,6 +49,7 @@ impl Place {
             jitter: bit,
             sense: Sense::StartBit,
             deaf: false,
+            echo: true,
             mute: false,
             judged: true,
         }
@@ -100,6 +103,11 @@ impl<N: Node> Seat<N> {
             (Drive::Discard, Some(talk)) => talk.bytes.clear(),
             (Drive::Discard, None) => {}
         }
+    }
+
+    /// Whether its receiver is on.
+    pub fn listens(&self) -> bool {
+        !self.place.deaf && (self.place.echo || self.talk.is_none())
     }
 
     /// The node has heard something at `now`: when does it want to be polled?

@@ -104,6 +104,18 @@ fn a_mute_station_hears_and_is_not_heard() {
     assert_eq!((heard(&mut line, 0, 500), heard(&mut line, 1, 500)), (vec![4], vec![4]));
 }
 
+#[test]
+fn a_station_without_echo_hears_the_others_alone() {
+    for looks in [&[][..], &[105, 115]] {
+        let mut line = two();
+        line.place(0).echo = false;
+        say(&mut line, 0, 100, &[1, 2]);
+        looks.iter().for_each(|look| run(&mut line, *look));
+        say(&mut line, 1, 200, &[3]);
+        assert_eq!((heard(&mut line, 0, 500), heard(&mut line, 1, 500)), (vec![3], vec![1, 2, 3]));
+    }
+}
+
 enum Either {
     Outside(External),
     Rival(Box<Talker>),

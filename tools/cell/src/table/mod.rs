@@ -5,10 +5,12 @@
 //! on every run.
 
 mod axis;
+mod hardware;
 mod plant;
 mod profile;
 
-pub use axis::{Axis, Feedback};
+pub use axis::Axis;
+pub use hardware::{Feedback, Hardware};
 pub use plant::Plant;
 pub use profile::{Amplifier, AxisProfile, Motor};
 

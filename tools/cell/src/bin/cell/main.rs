@@ -1,15 +1,14 @@
 //! The simulated cell on a pseudo terminal, a TCP port or a serial device.
 
 mod options;
-mod port;
-mod terminal;
 
 use std::fs::File;
 use std::io::{self, Write};
+use std::os::fd::AsFd;
 use std::process::ExitCode;
 
 use options::Options;
-use port::Port;
+use puente_cell::live::{self, Port, Received};
 use puente_cell::{Cell, Event};
 use puente_line::Instant;
 
@@ -43,25 +42,23 @@ fn run(options: Options) -> Result<(), String> {
             Some(Box::new(file) as Box<dyn Write>)
         }
     };
-    let (mut port, name) = Port::open(&options.port, options.config.line)?;
+    let mut port = Port::open(&options.port, options.config.line)?;
     let mut cell = Cell::new(options.config);
     for (unit, fault) in options.faults {
         if !cell.set_fault(unit, fault) {
             return Err(format!("a fault names unit {unit}, which is not in the cell"));
         }
     }
-    println!("ready {name}");
+    println!("ready {}", port.name());
     serve(&mut cell, &mut port, log).map_err(|error| format!("the line failed: {error}"))
 }
 
 /// Carries bytes between the port and the cell until the port fails.
 fn serve(cell: &mut Cell, port: &mut Port, mut log: Option<Box<dyn Write>>) -> io::Result<()> {
-    // Linux may otherwise be 50 µs late with each character.
-    #[cfg(target_os = "linux")]
-    let _ = rustix::thread::set_current_timer_slack(std::num::NonZeroU64::new(1));
+    live::exact_timers();
     let start = std::time::Instant::now();
     let now = || Instant::from_micros(start.elapsed().as_micros() as u64);
-    let mut buffer = [0; 4_096];
+    let mut buffer = Vec::new();
     loop {
         let bytes = cell.poll(now());
         // Logged first, so that who has a reply finds it in the log.
@@ -74,10 +71,11 @@ fn serve(cell: &mut Cell, port: &mut Port, mut log: Option<Box<dyn Write>>) -> i
         if let Some(bytes) = bytes {
             port.write(&bytes)?;
         }
-        let wait = cell.poll_at().map(|at| at.since(now()));
-        let received = port.read(&mut buffer, wait)?;
-        if received > 0 {
-            cell.receive(now(), &buffer[..received]);
+        live::wait([port.as_fd()], cell.poll_at().map(|at| at.since(now())))?;
+        while port.receive(&mut buffer)? != Received::Nothing {}
+        if !buffer.is_empty() {
+            cell.receive(now(), &buffer);
+            buffer.clear();
         }
     }
 }

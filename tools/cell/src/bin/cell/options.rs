@@ -4,6 +4,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use lexopt::{Arg, Parser, ValueExt};
+use puente_cell::live::Place;
 use puente_cell::{Config, Fault};
 use puente_line::{BadFormat, Format, Parity, Settings};
 use puente_modbus::{Mode, rtu};
@@ -33,14 +34,6 @@ cell [OPTIONS] (--pty LINK | --listen HOST:PORT | --device TTY)
 
 Prints one line that begins with 'ready' once it can be used.
 ";
-
-/// Where the line is.
-#[derive(Debug, PartialEq)]
-pub enum Place {
-    Pty(String),
-    Listen(String),
-    Device(String),
-}
 
 /// What the command line asks for.
 #[derive(Debug)]
