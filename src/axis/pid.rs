@@ -182,3 +182,38 @@ pub(super) fn turns(view: &View) -> bool {
     let fast = |velocity: f32| !(-STANDSTILL..=STANDSTILL).contains(&velocity);
     view.input.is_some_and(|input| fast(input.report.velocity))
 }
+
+/// The name of a state, as clients see it.
+pub const fn state(state: State) -> &'static str {
+    match state {
+        State::Disabled => "disabled",
+        State::Starting => "starting",
+        State::Enabled => "following",
+        State::Held => "held",
+        State::Fault(_) => "fault",
+    }
+}
+
+/// Whether the amplifier is under current in this state, or about to be.
+pub const fn enabled(state: State) -> bool {
+    matches!(state, State::Starting | State::Enabled | State::Held)
+}
+
+/// Where the axis is to be now, in counts.
+pub const fn reference(report: &Report) -> i32 {
+    report.position.saturating_add(report.following_error as i32)
+}
+
+/// Where the axis is to go, in counts: the position that it was sent to, or where it is to stand.
+pub fn set_point(view: &View) -> Option<i32> {
+    match view.wish {
+        Wish::Follow(position, _) => Some(position),
+        _ => view.input.map(|input| reference(&input.report)),
+    }
+}
+
+/// The command of the loop, in thousandths of full scale.
+pub fn permille(report: &Report) -> i16 {
+    let steps = report.command * 1000.0;
+    (if steps < 0.0 { steps - 0.5 } else { steps + 0.5 }) as i16
+}
