@@ -47,7 +47,7 @@
 //! - *detail*: of a frame of a window its kind (3, 4, 5), and eight more bits of its number, so that one which was kept back
 //!   after all, say by a serial server, is not taken for the sixteenth after it; of an acknowledgement the lower eight bits
 //!   of the number expected next, and a bit for each from that on that is already there; of an acknowledgement to a frame of
-//!   the thesis that frame's LRC and 0; of a negative acknowledgement the [`Reason`] and 0; of the consent to a window its
+//!   the thesis that frame's LRC and 0; of a negative acknowledgement the [`Reason`], numbered from 1 on, and 0; of the consent to a window its
 //!   size and 0; 0 and 0 otherwise.
 //! - *session*: see [`window`]; 0 outside of any.
 //! - *CRC*: CRC-32C, big-endian, over everything from origin to session. It finds all of up to five wrong bits in frames of

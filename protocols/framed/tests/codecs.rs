@@ -18,7 +18,18 @@ fn session() -> impl Strategy<Value = Session> {
 
 fn kind() -> impl Strategy<Value = Kind> {
     let number = (0..4_096_u16).prop_map(Number::new);
-    const REASONS: &[Reason] = &[Reason::Session, Reason::TooLong, Reason::NoRoom, Reason::Meaningless];
+    const REASONS: &[Reason] = &[
+        Reason::Session,
+        Reason::TooLong,
+        Reason::NoRoom,
+        Reason::Meaningless,
+        Reason::Collisions,
+        Reason::NoEcho,
+        Reason::NoLine,
+        Reason::Denied,
+        Reason::Stopped,
+        Reason::Lost,
+    ];
     prop_oneof![
         Just(Kind::Plain),
         (number, class(), session()).prop_map(|(number, class, session)| Kind::Numbered {

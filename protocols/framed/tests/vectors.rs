@@ -4,7 +4,7 @@ mod common;
 
 use common::{body, emit, hex};
 use puente_framed::frame::{self, FrameError};
-use puente_framed::{Class, Decoder, Kind, Number, Session};
+use puente_framed::{Class, Decoder, Kind, Number, Reason, Session};
 
 /// 3 axes of 255 bytes.
 const THESIS: &str = include_str!("thesis.hex");
@@ -119,5 +119,27 @@ fn a_tag_that_is_lost_is_noticed() {
         let mut bytes = emit(1, kind, &body(&[(17, &[1; 60])]));
         bytes[2] &= 0x07;
         assert_eq!(frame::parse(&bytes), Err(FrameError::Trailer));
+    }
+}
+
+/// What a gateway says to its clients has these numbers, whatever is added.
+#[test]
+fn reasons_have_these_numbers() {
+    let reasons = [
+        Reason::Session,
+        Reason::TooLong,
+        Reason::NoRoom,
+        Reason::Meaningless,
+        Reason::Collisions,
+        Reason::NoEcho,
+        Reason::NoLine,
+        Reason::Denied,
+        Reason::Stopped,
+        Reason::Lost,
+    ];
+    for (number, reason) in (1..).zip(reasons) {
+        let bytes = emit(1, Kind::Refusal { reason, session: Session::NONE }, &body(&[(17, &[])]));
+        // After header, section and the head of the trailer.
+        assert_eq!(bytes[9], number, "{reason:?}");
     }
 }

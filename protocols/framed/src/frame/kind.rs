@@ -44,26 +44,41 @@ pub enum Reason {
     NoRoom,
     /// The receiver cannot make sense of its data.
     Meaningless,
+    /// Of a gateway: every attempt to send it collided, or something holds the line.
+    Collisions,
+    /// Of a gateway: it does not hear itself on the line, so it keeps quiet.
+    NoEcho,
+    /// Of a gateway: it has no line to send it on.
+    NoLine,
+    /// Of a gateway: another commands what it would move, or its sender may not.
+    Denied,
+    /// Of a gateway: a stop came first.
+    Stopped,
+    /// Of a gateway, to nothing that was sent: frames were heard and have been lost before they were taken.
+    Lost,
 }
 
 impl Reason {
+    /// In the order of their codes, from 1 on.
+    const ALL: [Self; 10] = [
+        Self::Session,
+        Self::TooLong,
+        Self::NoRoom,
+        Self::Meaningless,
+        Self::Collisions,
+        Self::NoEcho,
+        Self::NoLine,
+        Self::Denied,
+        Self::Stopped,
+        Self::Lost,
+    ];
+
     const fn code(self) -> u8 {
-        match self {
-            Self::Session => 1,
-            Self::TooLong => 2,
-            Self::NoRoom => 3,
-            Self::Meaningless => 4,
-        }
+        self as u8 + 1
     }
 
-    const fn from_code(code: u8) -> Option<Self> {
-        Some(match code {
-            1 => Self::Session,
-            2 => Self::TooLong,
-            3 => Self::NoRoom,
-            4 => Self::Meaningless,
-            _ => return None,
-        })
+    fn from_code(code: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(code).checked_sub(1)?).copied()
     }
 }
 
