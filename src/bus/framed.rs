@@ -21,7 +21,7 @@ const LATE: Duration = Duration::from_millis(500);
 
 /// What a pump works with.
 pub struct Setup {
-    /// How the master works.
+    /// How the master works, but for what the port takes.
     pub config: Config,
     /// The modules of the bus, in the order of the [`Image`].
     pub axes: heapless::Vec<Axis, AXES>,
@@ -43,7 +43,10 @@ enum Sending {
 /// Keeps the axes of a bus as the `image` wants them, for ever, and tells it what they are at. It listens while it talks.
 pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &impl Image) -> ! {
     let (mut reader, mut writer) = line.split();
-    let mut master = BusMaster::new(setup.config, setup.axes, clock::now(), setup.seed);
+    let mut config = setup.config;
+    config.station.arbiter.latency = reader.latency();
+    config.station.silence = config.station.arbiter.gap + reader.latency();
+    let mut master = BusMaster::new(config, setup.axes, clock::now(), setup.seed);
     let mut sending = Sending::Nothing;
     let mut buffer = [0; 64];
     let mut down = false;
@@ -63,27 +66,28 @@ pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &impl Image) 
             Sending::Jam(rest) => rest,
         };
         let read = reader.read(&mut buffer);
-        let failed = match select4(read, send(&mut writer, rest), clock::at(Some(wake)), image.changed()).await {
-            Either4::First(Ok(count)) if count > 0 => {
-                for byte in buffer.get(..count).unwrap_or_default() {
-                    let now = clock::now();
-                    master.receive(now, *byte);
-                    sending = act(&mut master, &mut writer, image, now, sending);
+        let failed =
+            match select4(read, send(&mut writer, rest), clock::at(Some(wake)), image.changed()).await {
+                Either4::First(Ok(count)) if count > 0 => {
+                    for byte in buffer.get(..count).unwrap_or_default() {
+                        let now = clock::now();
+                        master.receive(now, *byte);
+                        sending = act(&mut master, &mut writer, image, now, sending);
+                    }
+                    None
                 }
-                None
-            }
-            Either4::First(Ok(_)) => Some(ErrorKind::Other),
-            Either4::First(Err(error)) => Some(error.kind()),
-            Either4::Second(Ok(count)) => {
-                sending = sending.after(count, rest.len());
-                None
-            }
-            Either4::Second(Err(error)) => {
-                sending = Sending::Nothing;
-                Some(error.kind())
-            }
-            Either4::Third(()) | Either4::Fourth(()) => continue,
-        };
+                Either4::First(Ok(_)) => Some(ErrorKind::Other),
+                Either4::First(Err(error)) => Some(error.kind()),
+                Either4::Second(Ok(count)) => {
+                    sending = sending.after(count, rest.len());
+                    None
+                }
+                Either4::Second(Err(error)) => {
+                    sending = Sending::Nothing;
+                    Some(error.kind())
+                }
+                Either4::Third(()) | Either4::Fourth(()) => continue,
+            };
         match failed {
             None => {}
             Some(ErrorKind::InvalidData) => master.line_error(clock::now()),
