@@ -14,7 +14,7 @@ use core::time::Duration;
 
 use puente_line::Instant;
 
-pub use types::{Action, Config, Echo, Failure, Policy, Statistics};
+pub use types::{Action, Config, Echo, Failure, Policy, Precedence, Statistics};
 
 use crate::Random;
 
@@ -29,6 +29,7 @@ pub struct Arbiter<const N: usize> {
     config: Config,
     random: Random,
     frame: heapless::Vec<u8, N>,
+    precedence: Precedence,
     state: State,
     /// Since when, or from when on, the line is silent.
     quiet_from: Instant,
@@ -70,6 +71,7 @@ impl<const N: usize> Arbiter<N> {
             config,
             random: Random::new(seed),
             frame: heapless::Vec::new(),
+            precedence: Precedence::Ordinary,
             state: State::Idle,
             quiet_from: now,
             busy_from: now,
@@ -92,12 +94,14 @@ impl<const N: usize> Arbiter<N> {
     pub fn submit<E>(
         &mut self,
         now: Instant,
+        precedence: Precedence,
         write: impl FnOnce(&mut heapless::Vec<u8, N>) -> Result<(), E>,
     ) -> Result<(), Option<E>> {
         let State::Idle = self.state else {
             return Err(None);
         };
         write(&mut self.frame).map_err(Some)?;
+        self.precedence = precedence;
         self.state = State::Waiting { collisions: 0, backoff: Backoff::Until(now.max(self.rested_at)) };
         if now < self.gap_ends() {
             count(&mut self.statistics.deferrals);
@@ -112,6 +116,11 @@ impl<const N: usize> Arbiter<N> {
         !matches!(self.state, State::Idle)
     }
 
+    /// Whether it is not on the line, for good or until its next attempt.
+    pub const fn is_waiting(&self) -> bool {
+        matches!(self.state, State::Waiting { .. })
+    }
+
     /// Whether its outcome waits to be fetched.
     pub const fn is_finished(&self) -> bool {
         matches!(self.state, State::Finished(_))
@@ -124,7 +133,7 @@ impl<const N: usize> Arbiter<N> {
 
     /// Gives up a frame that is not on the line, for good or until its next attempt; false where there is none.
     pub fn withdraw(&mut self) -> bool {
-        let waits = matches!(self.state, State::Waiting { .. });
+        let waits = self.is_waiting();
         if waits {
             self.state = State::Idle;
         }
@@ -134,7 +143,7 @@ impl<const N: usize> Arbiter<N> {
     /// Puts another frame in the place of one that is not on the line. It waits as that one would have. False where there
     /// is none, and where `write` fails, after which there is none any more.
     pub fn rewrite<E>(&mut self, write: impl FnOnce(&mut heapless::Vec<u8, N>) -> Result<(), E>) -> bool {
-        if !matches!(self.state, State::Waiting { .. }) {
+        if !self.is_waiting() {
             return false;
         }
         let written = write(&mut self.frame).is_ok();
@@ -178,7 +187,7 @@ impl<const N: usize> Arbiter<N> {
         self.elapse(now);
         match self.state {
             State::Waiting { collisions, backoff: Backoff::Until(until) }
-                if now >= until.max(self.gap_ends()) =>
+                if now >= until.max(self.turn()) =>
             {
                 self.transmit(now, collisions)
             }
@@ -212,9 +221,9 @@ impl<const N: usize> Arbiter<N> {
             _ => {}
         }
         if let State::Waiting { collisions, backoff: Backoff::For(time) } = self.state
-            && now >= self.gap_ends()
+            && now >= self.turn()
         {
-            let until = self.gap_ends() + time;
+            let until = self.turn() + time;
             self.state = State::Waiting { collisions, backoff: Backoff::Until(until) };
         }
     }
@@ -223,8 +232,8 @@ impl<const N: usize> Arbiter<N> {
     pub fn poll_at(&self) -> Option<Instant> {
         match self.state {
             State::Idle => None,
-            State::Waiting { backoff: Backoff::For(_), .. } => Some(self.gap_ends()),
-            State::Waiting { backoff: Backoff::Until(until), .. } => Some(until.max(self.gap_ends())),
+            State::Waiting { backoff: Backoff::For(_), .. } => Some(self.turn()),
+            State::Waiting { backoff: Backoff::Until(until), .. } => Some(until.max(self.turn())),
             State::Transmitting { deadline, .. } => Some(deadline),
             State::Jamming { until, .. } => Some(until),
             State::Collided { .. } | State::Finished(_) => Some(Instant::ZERO),
@@ -239,6 +248,14 @@ impl<const N: usize> Arbiter<N> {
     /// When a gap has passed, if nothing more is heard.
     fn gap_ends(&self) -> Instant {
         self.quiet_from + self.config.gap
+    }
+
+    /// When the frame may go, if nothing more is heard.
+    fn turn(&self) -> Instant {
+        match self.precedence {
+            Precedence::Answer => self.gap_ends(),
+            Precedence::Ordinary => self.gap_ends() + self.config.deference,
+        }
     }
 
     /// The line is in use now, and until `until`.

@@ -15,6 +15,9 @@ pub struct Config {
     pub line: Settings,
     /// Silence before a frame, the inter-packet gap.
     pub gap: Duration,
+    /// What a frame that answers nothing leaves in addition, so that answers go first, as with the two gaps of IEEE 802.11:
+    /// more than it takes to notice that another has begun, for a receiver that tells of whole characters only.
+    pub deference: Duration,
     /// Unit of the back-off.
     pub slot: Duration,
     /// What a station adds to the gap after a frame of its own. IEEE 802.3 has no such thing, and there a station that has
@@ -30,12 +33,13 @@ pub struct Config {
 }
 
 impl Config {
-    /// For a line: a gap of 2 characters, a slot of 8, a slot of rest, 16 attempts, [`Policy::Truncated`],
+    /// For a line: a gap of 2 characters, a deference of 2, a slot of 8, a slot of rest, 16 attempts, [`Policy::Truncated`],
     /// [`Echo::Compared`].
     pub fn new(line: Settings) -> Self {
         Self {
             line,
             gap: line.wire_time(2),
+            deference: line.wire_time(2),
             slot: line.wire_time(8),
             rest: line.wire_time(8),
             attempts: 16,
@@ -49,6 +53,15 @@ impl Config {
     pub fn patience(&self) -> Duration {
         self.line.wire_time(2 * MAX_FRAME)
     }
+}
+
+/// Who goes first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precedence {
+    /// The answer to a frame that has just been on the line: after a gap.
+    Answer,
+    /// Everything else: after [`Config::deference`] more.
+    Ordinary,
 }
 
 /// Whether a station hears itself.

@@ -8,7 +8,7 @@ use puente_line::Instant;
 
 pub use types::{Action, Config, PostError};
 
-use crate::arbiter::{self, Arbiter, Statistics};
+use crate::arbiter::{self, Arbiter, Precedence, Statistics};
 use crate::frame::{self, Frame, Kind};
 use crate::section::{self, Sections};
 use crate::window::{self, Receiver, Refused, Sender, Ticket};
@@ -312,9 +312,21 @@ impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station
         };
         let body = [peer, 0, section::TERMINATOR];
         let origin = self.config.address;
-        let taken = self.arbiter.submit(now, |buffer| frame::emit(buffer, origin, kind, &body));
+        let taken =
+            self.arbiter.submit(now, Precedence::Ordinary, |buffer| frame::emit(buffer, origin, kind, &body));
         self.sending = Sending::Answer { peer, kind };
         taken.is_ok()
+    }
+
+    /// Takes a frame of a window back that is not on the line; it is as if it had not been given to the arbiter.
+    fn step_back(&mut self, now: Instant) {
+        if self.arbiter.withdraw()
+            && let Sending::Answer { peer, kind } = self.sending
+            && let Some(link) = self.links.iter_mut().find(|link| link.peer == peer)
+        {
+            link.receiver.failed(now, kind);
+        }
+        self.sending = Sending::Nothing;
     }
 
     fn fill_from_window(&mut self, now: Instant) {
@@ -329,7 +341,9 @@ impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station
             let opening = [*peer, 0, section::TERMINATOR];
             let body = if body.is_empty() { &opening } else { body };
             let origin = self.config.address;
-            let _ = self.arbiter.submit(now, |buffer| frame::emit(buffer, origin, kind, body));
+            let _ = self
+                .arbiter
+                .submit(now, Precedence::Ordinary, |buffer| frame::emit(buffer, origin, kind, body));
             self.sending = Sending::Window { peer: *peer, what };
             self.turn = at;
             return;

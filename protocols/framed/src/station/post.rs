@@ -6,6 +6,7 @@ use heapless::Vec;
 use puente_line::Instant;
 
 use super::{PostError, Sending, Station};
+use crate::arbiter::Precedence;
 use crate::frame::{self, EmitError, Frame, Kind};
 
 impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station<PEERS, W, M, N> {
@@ -14,7 +15,9 @@ impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station
     /// # Errors
     /// `Busy`, `Unmade`.
     pub fn post(&mut self, now: Instant, kind: Kind, body: &[u8]) -> Result<(), PostError> {
-        self.post_with(now, kind, |buffer| buffer.extend_from_slice(body).map_err(|_| EmitError::TooLong))
+        self.post_with(now, Precedence::Ordinary, kind, |buffer| {
+            buffer.extend_from_slice(body).map_err(|_| EmitError::TooLong)
+        })
     }
 
     /// Takes the bytes of a whole frame, for one who makes his own; from origin 0 it goes as one of this station. It is sent
@@ -25,7 +28,7 @@ impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station
     pub fn post_frame(&mut self, now: Instant, bytes: &[u8]) -> Result<(), PostError> {
         let Frame { origin, kind, body } = frame::parse(bytes).map_err(PostError::NoFrame)?;
         let origin = if origin == 0 { self.config.address } else { origin };
-        self.submit_post(now, |buffer| frame::emit(buffer, origin, kind, body))
+        self.submit_post(now, Precedence::Ordinary, |buffer| frame::emit(buffer, origin, kind, body))
     }
 
     /// Takes a frame outside of any window, the sections of which `write` appends to the buffer. It is sent once.
@@ -35,19 +38,24 @@ impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station
     pub fn post_with(
         &mut self,
         now: Instant,
+        precedence: Precedence,
         kind: Kind,
         write: impl FnOnce(&mut Vec<u8, N>) -> Result<(), EmitError>,
     ) -> Result<(), PostError> {
         let origin = self.config.address;
-        self.submit_post(now, |buffer| frame::build(buffer, origin, kind, write))
+        self.submit_post(now, precedence, |buffer| frame::build(buffer, origin, kind, write))
     }
 
     fn submit_post(
         &mut self,
         now: Instant,
+        precedence: Precedence,
         write: impl FnOnce(&mut Vec<u8, N>) -> Result<(), EmitError>,
     ) -> Result<(), PostError> {
-        let taken = self.arbiter.submit(now, write);
+        if precedence == Precedence::Answer && self.can_answer() {
+            self.step_back(now);
+        }
+        let taken = self.arbiter.submit(now, precedence, write);
         taken.map_err(|why| why.map_or(PostError::Busy, PostError::Unmade))?;
         self.sending = Sending::Post;
         Ok(())
@@ -56,6 +64,11 @@ impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station
     /// Whether something can be posted.
     pub const fn is_free(&self) -> bool {
         !self.arbiter.is_busy()
+    }
+
+    /// Whether an answer can be posted. A frame of a window that is not on the line steps back for it.
+    pub const fn can_answer(&self) -> bool {
+        self.is_free() || (self.arbiter.is_waiting() && !matches!(self.sending, Sending::Post))
     }
 
     /// Takes back what was posted and is not on the line; false where there is nothing. It is not reported then.

@@ -7,7 +7,7 @@ use core::time::Duration;
 
 use heapless::Vec;
 use puente_drives::pid::State;
-use puente_framed::arbiter::Failure;
+use puente_framed::arbiter::{Failure, Precedence};
 use puente_framed::frame::{EmitError, TAGGED_OVERHEAD};
 use puente_framed::station::{self, PostError};
 use puente_framed::{Class, Frame, Kind, Station, section};
@@ -44,10 +44,20 @@ pub struct Master<const AXES: usize, const PEERS: usize, const W: usize, const N
     /// The frame that went last was a client's.
     client_went: bool,
     fell: Option<(usize, Control)>,
+    /// When the cycle's frame was ready to go.
+    ready: Instant,
     /// When the last cycle's frame had ended.
     last: Option<Instant>,
+    /// After a cycle another gateway may go first.
+    rested_at: Instant,
+    rest: Duration,
+    /// When another gateway was heard last.
+    rival: Option<Instant>,
     statistics: Statistics,
 }
+
+/// So long after another gateway has been heard one keeps letting it go first.
+const COMPANY: Duration = Duration::from_secs(1);
 
 /// Bytes of the one section of an event; and of a longer one, which a gateway has no use for.
 const EVENT: usize = 16;
@@ -88,7 +98,11 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
             turn: 0,
             client_went: false,
             fell: None,
+            ready: now,
             last: None,
+            rested_at: now,
+            rest: station.arbiter.rest,
+            rival: None,
             statistics: Statistics::default(),
         }
     }
@@ -152,11 +166,17 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
             }
             self.cycle(now);
             match self.station.poll(now) {
-                station::Action::Transmit(_) => return Action::Transmit(self.station.sent()),
+                station::Action::Transmit(_) => {
+                    self.transmit(now);
+                    return Action::Transmit(self.station.sent());
+                }
                 station::Action::Jam(bytes) => return Action::Jam(bytes),
                 station::Action::Idle => return Action::Idle,
                 station::Action::Heard(frame) => {
                     let report = report_of(&frame, self.address, &self.axes);
+                    if matches!(frame.kind, Kind::Plain | Kind::Single(Class::Data)) {
+                        self.rival = Some(now);
+                    }
                     return match report {
                         Some((axis, report)) => self.reported(now, axis, report),
                         None => Action::Heard(self.station.heard()),
@@ -181,9 +201,7 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
         let own = match self.phase {
             _ if self.fell.is_some() => Some(Instant::ZERO),
             Phase::Answering(until) => Some(until),
-            Phase::Waiting if self.station.is_free() && !self.axes.is_empty() => {
-                Some(if self.hurry { Instant::ZERO } else { self.due })
-            }
+            Phase::Waiting if self.station.is_free() && !self.axes.is_empty() => Some(self.begins_at()),
             Phase::Sending if self.changed => Some(Instant::ZERO),
             _ => None,
         };
@@ -195,8 +213,14 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
         Statistics { line: self.station.statistics(), ..self.statistics }
     }
 
+    /// When the next cycle begins.
+    fn begins_at(&self) -> Instant {
+        let due = if self.hurry { Instant::ZERO } else { self.due };
+        due.max(self.rested_at)
+    }
+
     fn is_due(&self, now: Instant) -> bool {
-        !self.axes.is_empty() && (self.hurry || self.due <= now)
+        !self.axes.is_empty() && self.begins_at() <= now
     }
 
     /// Begins a cycle that is due, or has one that is waiting for the line say what is wanted now.
@@ -214,17 +238,25 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
             Phase::Waiting if self.is_due(now) && self.station.is_free() => {
                 self.ask();
                 let axes = &self.axes;
-                if self.station.post_with(now, kind, |body| write(axes, body)).is_ok() {
+                if self.station.post_with(now, Precedence::Ordinary, kind, |body| write(axes, body)).is_ok() {
                     self.phase = Phase::Sending;
+                    self.ready = now;
                     self.written();
                 }
-                if self.due <= now {
-                    // What is late stays on the grid, unless it is late by a cycle.
-                    let next = self.due + self.cycle;
-                    self.due = if next > now { next } else { now + self.cycle };
-                }
+                // What is late stays on the grid, unless it is late by a cycle.
+                let next = self.due + self.cycle;
+                self.due = if self.due <= now && now < next { next } else { now + self.cycle };
             }
             _ => {}
+        }
+    }
+
+    /// The cycle's frame goes. If it had to wait for the line, all that follow come later by as much: so the cycles of two
+    /// gateways find places of their own instead of meeting again and again.
+    fn transmit(&mut self, now: Instant) {
+        if self.phase == Phase::Sending {
+            self.due += now.since(self.ready);
+            self.ready = now;
         }
     }
 
@@ -300,6 +332,9 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
         self.phase = Phase::Waiting;
         if now > self.due && !self.cycle.is_zero() {
             count(&mut self.statistics.overruns);
+        }
+        if self.rival.is_some_and(|heard| now.since(heard) < COMPANY) {
+            self.rested_at = now + self.rest;
         }
     }
 

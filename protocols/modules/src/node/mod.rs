@@ -4,7 +4,7 @@ mod authority;
 mod types;
 
 use puente_drives::pid::Event;
-use puente_framed::arbiter::Statistics;
+use puente_framed::arbiter::{Precedence, Statistics};
 use puente_framed::window::Refused;
 use puente_framed::{Class, Frame, Kind, Reason, Station, frame, section, station};
 use puente_line::Instant;
@@ -107,7 +107,7 @@ impl<const PEERS: usize, const W: usize, const N: usize> Node<PEERS, W, N> {
 
     /// When to poll again, besides after everything that is told to the node.
     pub fn poll_at(&self) -> Option<Instant> {
-        let answer = self.answer.filter(|_| self.station.is_free()).map(|answer| answer.at);
+        let answer = self.answer.filter(|_| self.station.can_answer()).map(|answer| answer.at);
         [self.station.poll_at(), answer].into_iter().flatten().min()
     }
 
@@ -123,7 +123,7 @@ impl<const PEERS: usize, const W: usize, const N: usize> Node<PEERS, W, N> {
 
     /// Puts the answer onto the line when its turn has come.
     fn give_answer(&mut self, now: Instant, servo: &impl Loop) {
-        let free = self.station.is_free();
+        let free = self.station.can_answer();
         let Some(Answer { to, what, .. }) = self.answer.take_if(|answer| free && answer.at <= now) else {
             return;
         };
@@ -131,10 +131,13 @@ impl<const PEERS: usize, const W: usize, const N: usize> Node<PEERS, W, N> {
         let _ = match what {
             What::Report(refused) => {
                 let data = Report::new(servo.status(), refused).emit();
-                self.station
-                    .post_with(now, Kind::Single(Class::Status), |body| Ok(section::push(body, to, &data)?))
+                self.station.post_with(now, Precedence::Answer, Kind::Single(Class::Status), |body| {
+                    Ok(section::push(body, to, &data)?)
+                })
             }
-            What::Thesis(kind) => self.station.post_with(now, kind, |body| Ok(section::push(body, to, &[])?)),
+            What::Thesis(kind) => self
+                .station
+                .post_with(now, Precedence::Answer, kind, |body| Ok(section::push(body, to, &[])?)),
         };
     }
 

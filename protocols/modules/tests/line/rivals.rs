@@ -1,5 +1,7 @@
 //! Two gateways, three modules.
 
+use std::time::Duration;
+
 use puente_drives::pid::{Cause, Event, State};
 use puente_modules::{Control, Form};
 
@@ -39,8 +41,35 @@ fn the_axes_of_a_dead_gateway_stop() {
     rig.run_ms(800);
     assert_eq!([17, 18].map(|address| rig.of(address).position), stopped);
     let gateway = rig.at(2);
-    assert_eq!((gateway.fell.len(), gateway.master.statistics().failed), (0, 0));
+    assert_eq!((gateway.fell.len(), gateway.missed.len(), gateway.master.statistics().failed), (0, 0, 0));
     assert!((rig.of(19).position - 1_080_000.0).abs() < 30.0, "{}", rig.of(19).position);
     assert_eq!(rig.of(19).state(), State::Enabled);
     assert_eq!(rig.at(2).events, [(0, Event::Enabled)]);
+}
+
+/// Whatever the cycles, even where the line cannot carry them: both get their share of it, in turn, and nobody's answers
+/// meet another's frames.
+#[test]
+fn gateways_share_a_line_that_is_too_slow_for_them() {
+    for (first, second) in [(2, 2), (0, 0), (2, 0), (5, 5)] {
+        let mut rig = Rig::new(0.0, 1);
+        rig.gateway(1, first, &[(17, Form::Text), (18, Form::Text)]);
+        rig.gateway(2, second, &[(19, Form::Text)]);
+        for address in [17, 18, 19] {
+            rig.module(address, Form::Text);
+        }
+        rig.enable(1, &[0, 1]);
+        rig.enable(2, &[0]);
+        rig.run_ms(2_000);
+        let cycles = [1, 2].map(|address| {
+            let gateway = rig.at(address);
+            let statistics = gateway.master.statistics();
+            println!("{first} ms and {second} ms: {address}: {statistics:?}");
+            assert_eq!((gateway.fell.len(), gateway.missed.len(), statistics.failed), (0, 0, 0));
+            assert!(statistics.longest_cycle < Duration::from_millis(25), "{statistics:?}");
+            assert!(statistics.line.collisions * 20 < statistics.cycles, "{statistics:?}");
+            statistics.cycles
+        });
+        assert!(cycles[0].abs_diff(cycles[1]) * 20 < cycles[0], "{cycles:?}");
+    }
 }
