@@ -8,6 +8,7 @@ pub mod ethernet;
 mod gateway;
 pub mod http;
 pub mod rig;
+pub mod table;
 mod target;
 pub mod wire;
 
