@@ -66,8 +66,9 @@ impl Document {
     pub fn framed(mut self, name: &str, table: &Table, connector: usize, more: &str) -> Self {
         let Settings { baud, format } = table.line;
         let (place, live) = table.connector(connector);
-        let keys =
-            format!("name = \"{name}\"\nprotocol = \"framed\"\nbaud = {baud}\nformat = \"{format}\"\n{more}\n");
+        let keys = format!(
+            "name = \"{name}\"\nprotocol = \"framed\"\nbaud = {baud}\nformat = \"{format}\"\n{more}\n"
+        );
         self.buses.push(Bus { place, live, keys });
         self
     }
