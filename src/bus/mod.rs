@@ -63,3 +63,27 @@ pub trait Work {
     /// A sign of life: the pump gives the next one before `until`, or it hangs.
     fn alive(&self, until: Instant);
 }
+
+/// Frames of clients, which go on a framed bus beside what the master itself says.
+pub trait Post {
+    /// Shows the frame that waits for the line, if there is one and it may still go; `take` tells whether the master has
+    /// taken it. To be called after [`Work::changed`], and whenever the master may take one.
+    fn outgoing(&self, now: Instant, take: impl FnOnce(&[u8]) -> bool);
+    /// What has become of the frame that was shown last.
+    fn posted(&self, outcome: Result<(), Undelivered>);
+    /// A whole frame that is none of the master's own business.
+    fn heard(&self, frame: &[u8]);
+}
+
+/// Why a client's frame was not sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Undelivered {
+    /// The line did not take it.
+    Line(puente_framed::arbiter::Failure),
+    /// The port is not there, or failed.
+    LineDown,
+    /// It is longer than this gateway's frames may be.
+    TooLong,
+    /// A stop, or the end of the lease, came first.
+    Stopped,
+}

@@ -8,6 +8,7 @@
 mod breaker;
 mod duty;
 mod lease;
+mod mail;
 mod pending;
 mod queue;
 mod route;
@@ -25,6 +26,7 @@ use puente_modbus::Evidence;
 
 pub use duty::Duty;
 pub use lease::{Cause, Event, Holder, Leased, Permit};
+pub use mail::{Follower, Frame, MailStatistics, Permits, Turn};
 pub use pending::Pending;
 pub use queue::BusQueue;
 pub use route::Units;
@@ -143,11 +145,13 @@ struct State {
     buses: Vec<Bus, BUSES>,
     leases: Vec<lease::AxisLease, AXES>,
     lease_time: Duration,
+    mail: mail::Mail,
 }
 
 /// The desk. One for the whole gateway, shared by every task.
 pub struct Desk {
     state: Mutex<CriticalSectionRawMutex, RefCell<State>>,
+    outgoing: mail::Place,
     work: [Signal<CriticalSectionRawMutex, ()>; BUSES],
     leases_changed: [Signal<CriticalSectionRawMutex, ()>; AXES],
 }
@@ -167,7 +171,9 @@ impl Desk {
                 buses: Vec::new(),
                 leases: Vec::new(),
                 lease_time: Duration::ZERO,
+                mail: mail::Mail::new(),
             })),
+            outgoing: mail::Place::new(mail::Frame::new()),
             work: [const { Signal::new() }; BUSES],
             leases_changed: [const { Signal::new() }; AXES],
         }
