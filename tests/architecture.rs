@@ -5,8 +5,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The modules of `src/`, highest first. A module may name those that follow it, and no other.
-const LAYERS: [&str; 9] = ["app", "front", "settings", "axis", "motion", "desk", "bus", "port", "clock"];
+/// The modules of `src/`, highest first. A module may name those that follow it, and no other. `module` is the application
+/// of another program than the gateway, and knows nothing of it.
+const LAYERS: [&str; 10] =
+    ["app", "front", "settings", "axis", "motion", "desk", "bus", "module", "port", "clock"];
 
 fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
     let mut found = Vec::new();

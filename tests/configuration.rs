@@ -266,7 +266,7 @@ fn the_button_held_at_start_brings_the_factory_settings_back() {
     if !target().is_board() {
         return;
     }
-    let mut rig = Rig::on_board(|setup| setup.button = true);
+    let mut rig = Rig::on_board(|setup| setup.words.push((puente_emulator::BUTTON, 1)));
     let gateway = &mut rig.gateway;
     let document = get(gateway, CONFIG);
     let mut other = document.clone();

@@ -11,7 +11,7 @@ use puente_framed::{Class, Kind, Number, Reason, Session, Station, section};
 use puente_fuzz::{Operands, line};
 use puente_line::Instant;
 
-type Own = Station<2, 4, 96>;
+type Own = Station<2, 4, 77, 96>;
 
 /// A well-formed frame from somebody else, of any kind.
 fn foreign(operands: &mut Operands<'_>, session: Session) -> Vec<u8> {
@@ -85,7 +85,7 @@ libfuzzer_sys::fuzz_target!(|data: &[u8]| {
                         heard.extend(bytes);
                     }
                 }
-                Action::Jam(_) | Action::Heard(_) | Action::Posted(_) => {}
+                Action::Jam(_) | Action::Heard(_) | Action::Posted(_) | Action::Free => {}
                 Action::Received { body, .. } => assert!(body.len() <= 96),
                 Action::Done { to, ticket: Ticket(ticket), .. } => {
                     assert!(open.remove(&(to, ticket)), "reported twice");

@@ -1,12 +1,14 @@
 //! What a port supplies: sockets, serial lines, flash for the settings, and the sizes that its memory allows. Nothing above this folder names
 //! a chip, an operating system or a cargo feature.
 
+#[cfg(network)]
 mod nor;
 
 use core::fmt;
 
 use embedded_io_async::{Error, Read, Write};
 use embedded_storage_async::nor_flash::NorFlash;
+use puente_drives::pid::{Encoder, EncoderFault, Width, ssi};
 
 pub mod journal;
 pub mod record;
@@ -20,22 +22,38 @@ pub use host::{Place, defaults, history, limits, may_move, restart, stack};
 
 #[cfg(target_os = "none")]
 pub mod embedded;
+#[cfg(all(target_os = "none", network))]
+pub use embedded::{Network, Place};
 #[cfg(target_os = "none")]
-pub use embedded::{Network, Place, defaults, history, hung, limits, may_move, restart, stack};
+pub use embedded::{alive, defaults, history, hung, limits, may_move, restart, stack};
 
 #[cfg(all(target_os = "none", feature = "mps2-an500"))]
 pub mod mps2;
 #[cfg(all(target_os = "none", feature = "mps2-an500"))]
 use mps2 as platform;
 
-#[cfg(all(target_os = "none", not(feature = "mps2-an500")))]
+#[cfg(all(target_os = "none", feature = "nucleo", network))]
 pub mod nucleo;
-#[cfg(all(target_os = "none", not(feature = "mps2-an500")))]
+#[cfg(all(target_os = "none", feature = "nucleo", network))]
 use nucleo as platform;
 
-pub use platform::{BadPort, Flash, Line, check_line, temperature};
+#[cfg(all(target_os = "none", feature = "nucleo-g474re"))]
+pub mod g474re;
+#[cfg(all(target_os = "none", feature = "nucleo-g474re"))]
+use g474re as platform;
+
+#[cfg(all(target_os = "none", feature = "nucleo"))]
+mod stm32;
+
+pub use platform::Line;
 #[cfg(target_os = "none")]
-pub use platform::{Board, Leds, Watchdog, run};
+pub use platform::run;
+#[cfg(all(target_os = "none", feature = "axis-module"))]
+pub use platform::{Axis, AxisBoard, Lamp, Tick};
+#[cfg(network)]
+pub use platform::{BadPort, Flash, check_line, temperature};
+#[cfg(all(target_os = "none", network))]
+pub use platform::{Board, Leds, Watchdog};
 
 #[cfg(all(target_os = "none", feature = "test-hooks"))]
 pub use embedded::hooks::obey;
@@ -160,6 +178,55 @@ pub trait LineWriter: Write {
     /// Drops what has been taken and not been sent: where the port can, sending ends with the character that is under
     /// way.
     fn discard(&mut self);
+}
+
+/// How the encoder of a PID interface module tells where the axis is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Feedback {
+    /// Incremental: two lines with edges, which are counted.
+    Quadrature,
+    /// Absolute: Gray code of up to 16 bits, a wire a bit.
+    Parallel(Width),
+    /// Absolute: clocked out bit by bit. The code is Gray, or binary.
+    Ssi {
+        /// How an answer is made up; at most 32 samples.
+        format: ssi::Format,
+        /// Whether the code is Gray.
+        gray: bool,
+    },
+}
+
+impl Feedback {
+    /// What its samples are.
+    pub const fn encoder(self) -> Encoder {
+        match self {
+            Self::Quadrature => Encoder::Binary(Width::W32),
+            Self::Parallel(width) => Encoder::Gray(width),
+            Self::Ssi { format, gray: true } => Encoder::Gray(format.width),
+            Self::Ssi { format, gray: false } => Encoder::Binary(format.width),
+        }
+    }
+}
+
+/// How the amplifier of a PID interface module is told its command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CommandForm {
+    /// As a voltage.
+    Voltage,
+    /// As a duty cycle with a line for the direction.
+    Pwm,
+}
+
+/// Encoder and amplifier of a PID interface module. All of it is called at the loop rate, and takes no time to speak of.
+pub trait AxisIo {
+    /// A sample of the encoder, as [`Feedback::encoder`] says, or why there is none.
+    fn sample(&mut self) -> Result<u32, EncoderFault>;
+    /// Whether the amplifier says that it is not ready.
+    fn amplifier_fault(&mut self) -> bool;
+    /// Gives the amplifier a command, -1 to 1, and its enable line.
+    fn apply(&mut self, command: f32, enable: bool);
+    /// Puts the reset by the watchdog off for another moment.
+    fn feed(&mut self);
 }
 
 /// What the lamps of a board show.

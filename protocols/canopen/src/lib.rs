@@ -4,6 +4,7 @@
 //!
 //! - [`frame`]: CAN frames. [`cob`]: node-IDs and COB-IDs. [`object`]: addresses in an object dictionary.
 //! - [`nmt`]: commands and states of nodes. [`monitor`]: whether a node is there, by heartbeat or guarding.
+//! - [`sdo`]: objects read and written, of any length.
 //! - [`heartbeat`], [`sync`], [`time`]: what a manager produces itself. [`emcy`]: what nodes report.
 //!
 //! Sources: CiA 301 version 4.2.0, whose clauses are meant where only a number stands, and CiA 305 for layer setting
@@ -20,6 +21,7 @@ pub mod heartbeat;
 pub mod monitor;
 pub mod nmt;
 pub mod object;
+pub mod sdo;
 pub mod sync;
 pub mod time;
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use common::line;
 use puente_framed::Arbiter;
-use puente_framed::arbiter::{Action, Config, Failure, JAM, Policy};
+use puente_framed::arbiter::{Action, Config, Failure, JAM, Policy, Precedence};
 use puente_line::Instant;
 
 const FRAME: &[u8] = b"\x7e\x01what is said\x0a";
@@ -33,7 +33,7 @@ impl Rig {
 
     fn submit(&mut self) {
         self.arbiter
-            .submit(self.now, |buffer| {
+            .submit(self.now, Precedence::Answer, |buffer| {
                 buffer.clear();
                 buffer.extend_from_slice(FRAME)
             })
@@ -105,16 +105,16 @@ fn one_frame_at_a_time() {
     let mut rig = Rig::new(Policy::Truncated, 1);
     rig.submit();
     assert!(rig.arbiter.is_busy());
-    assert_eq!(rig.arbiter.submit(rig.now, |_| Ok::<(), ()>(())), Err(None));
+    assert_eq!(rig.arbiter.submit(rig.now, Precedence::Answer, |_| Ok::<(), ()>(())), Err(None));
     rig.wait();
     rig.hear(FRAME);
     assert_eq!(
-        rig.arbiter.submit(rig.now, |_| Ok::<(), ()>(())),
+        rig.arbiter.submit(rig.now, Precedence::Answer, |_| Ok::<(), ()>(())),
         Err(None),
         "its outcome has not been fetched"
     );
     rig.wait();
-    assert_eq!(rig.arbiter.submit(rig.now, |_| Err(7)), Err(Some(7)));
+    assert_eq!(rig.arbiter.submit(rig.now, Precedence::Answer, |_| Err(7)), Err(Some(7)));
     assert!(!rig.arbiter.is_busy());
 }
 
@@ -153,7 +153,7 @@ fn a_station_that_starts_listens_first() {
     let config = Config::new(line());
     let now = Instant::from_millis(5);
     let mut arbiter = Arbiter::<64>::new(config, now, 1);
-    arbiter.submit(now, |buffer| buffer.extend_from_slice(FRAME)).expect("idle");
+    arbiter.submit(now, Precedence::Answer, |buffer| buffer.extend_from_slice(FRAME)).expect("idle");
     assert_eq!(arbiter.poll(now), Action::Idle);
     assert_eq!(arbiter.poll_at(), Some(now + config.gap));
 }

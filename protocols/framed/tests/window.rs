@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use common::{body, line};
 use proptest::prelude::*;
-use puente_framed::frame;
+use puente_framed::frame::{self, TAGGED_OVERHEAD};
 use puente_framed::station::{Action, Config};
 use puente_framed::window::{Cause, Outcome, Refused, Ticket};
 use puente_framed::{Class, Kind, Random, Station};
@@ -15,7 +15,7 @@ use puente_line::Instant;
 
 const LONGEST: usize = 64;
 
-type Peer = Station<2, 8, LONGEST>;
+type Peer = Station<2, 8, { LONGEST - TAGGED_OVERHEAD }, LONGEST>;
 
 /// What may happen to a frame on its way, in 1/256.
 #[derive(Clone, Copy, Debug)]
@@ -151,6 +151,7 @@ impl Ether {
                         self.outcomes.insert(message, outcome);
                         continue;
                     }
+                    Action::Free => continue,
                     Action::Idle => break,
                     other => panic!("{other:?}"),
                 };
@@ -334,10 +335,23 @@ fn hear(station: &mut Peer, mut now: Instant, bytes: &[u8]) -> Instant {
     for byte in bytes {
         now += Duration::from_micros(10);
         station.receive(now, *byte);
-        assert_eq!(station.poll(now), Action::Idle);
+        while station.poll(now) != Action::Idle {
+            assert!(station.is_free());
+        }
         assert!(station.poll_at().is_none_or(|at| at > now), "poll would spin");
     }
     now
+}
+
+/// What the station sends now.
+fn transmitted(station: &mut Peer, now: Instant) -> Option<Vec<u8>> {
+    loop {
+        match station.poll(now) {
+            Action::Transmit(bytes) => return Some(bytes.to_vec()),
+            Action::Idle => return None,
+            action => assert_eq!(action, Action::Free),
+        }
+    }
 }
 
 /// A consent that did not get onto the line whole, but whose session is in use: it must not be given again. Found by fuzzing.
@@ -349,9 +363,8 @@ fn a_consent_that_collided_and_was_understood_is_done_with() {
     for attempt in 0..16 {
         let bytes = loop {
             now = station.poll_at().expect("something is in work");
-            match station.poll(now) {
-                Action::Transmit(bytes) => break bytes.to_vec(),
-                action => assert_eq!(action, Action::Idle),
+            if let Some(bytes) = transmitted(&mut station, now) {
+                break bytes;
             }
         };
         // Its last byte comes back damaged, after the other has understood.
@@ -376,10 +389,9 @@ fn a_consent_that_collided_and_was_understood_is_done_with() {
     while let Some(at) = station.poll_at() {
         assert!(at >= now, "poll would spin");
         now = at;
-        if let Action::Transmit(bytes) = station.poll(now) {
-            assert!(matches!(frame::parse(bytes).map(|frame| frame.kind), Ok(Kind::Acknowledgement { .. })));
-            let echo = bytes.to_vec();
-            now = hear(&mut station, now, &echo);
+        if let Some(bytes) = transmitted(&mut station, now) {
+            assert!(matches!(frame::parse(&bytes).map(|frame| frame.kind), Ok(Kind::Acknowledgement { .. })));
+            now = hear(&mut station, now, &bytes);
             sent += 1;
         }
     }

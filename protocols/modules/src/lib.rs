@@ -38,10 +38,14 @@
 
 pub mod event;
 pub mod master;
+pub mod node;
 mod order;
 pub mod report;
 pub mod setting;
+mod turns;
 
+pub use master::Master;
+pub use node::Node;
 pub use order::{Control, Order};
 pub use report::{Refusal, Report};
 pub use setting::{Form, MAX_SET_POINT, Setting};

@@ -14,6 +14,16 @@ pub enum Control {
     Observe,
 }
 
+impl Control {
+    /// Whether this, after `before`, is a step towards standstill.
+    pub(crate) const fn stops_after(self, before: Self) -> bool {
+        matches!(
+            (before, self),
+            (Self::Follow, Self::Hold) | (Self::Follow | Self::Hold | Self::Observe, Self::Off)
+        )
+    }
+}
+
 /// The fifth value of a section.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Order {

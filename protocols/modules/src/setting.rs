@@ -159,6 +159,17 @@ pub(crate) fn push_gains(data: &mut Vec<u8, MAX_DATA>, form: Form, gains: Gains)
     (0..).zip(numbers).try_for_each(|(value, number)| push(data, form, value, number))
 }
 
+/// Appends what follows the gains.
+pub(crate) fn push_rest(data: &mut Vec<u8, MAX_DATA>, form: Form, set_point: i32, order: Order) {
+    let set_point = set_point.clamp(-MAX_SET_POINT, MAX_SET_POINT);
+    // It has at most nine characters, and is finite.
+    let _ = match form {
+        Form::Text => push_digits(data, set_point).ok_or(DataError::Number { value: 3 }),
+        Form::Binary => push(data, form, 3, set_point as f32),
+    };
+    push_order(data, form, order);
+}
+
 // MAX_DATA bytes hold the four values and the order in either form, so that nothing is refused.
 
 fn push(data: &mut Vec<u8, MAX_DATA>, form: Form, value: u8, number: f32) -> Result<(), DataError> {

@@ -34,6 +34,7 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
 fn fail(cause: Reset, text: fmt::Arguments<'_>) -> ! {
     static FAILED: AtomicBool = AtomicBool::new(false);
     cortex_m::interrupt::disable();
+    platform::disarm();
     // What fails while it tells of a failure is not told.
     if !FAILED.swap(true, Ordering::Relaxed) {
         vital::crashed(cause, text);

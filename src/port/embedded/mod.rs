@@ -1,29 +1,24 @@
-//! What all boards have in common: TCP/IP, the places for clients, what survives a failure, and the sizes that a
-//! microcontroller allows.
+//! What all boards have in common: what survives a failure, the sizes that a microcontroller allows, and, where there is a
+//! network, TCP/IP and the places for clients.
 
-mod address;
-mod backlog;
 pub mod defaults;
-mod doors;
-#[cfg(feature = "test-hooks")]
-mod echo;
 mod fault;
 #[cfg(feature = "test-hooks")]
 pub(super) mod hooks;
 pub mod limits;
-mod mdns;
-mod net;
+#[cfg(network)]
+mod network;
 mod restart;
-mod socket;
 pub(super) mod stack;
+#[cfg(feature = "axis-module")]
+pub(super) mod tick;
 pub(super) mod vital;
 
-pub use address::Address;
-pub(super) use backlog::Patient;
-pub use net::Network;
-pub(super) use net::network;
+#[cfg(network)]
+pub use network::{Address, Network, Place, Socket};
+#[cfg(network)]
+pub(super) use network::{Patient, network};
 pub use restart::restart;
-pub use socket::{Place, Socket};
 pub use stack::stack;
 pub(super) use stack::started;
-pub use vital::{history, hung, may_move};
+pub use vital::{alive, history, hung, may_move};

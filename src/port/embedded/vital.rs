@@ -131,8 +131,8 @@ pub(in crate::port) fn reason(reason: Reset) {
     change_head(|head| head.reason(reason));
 }
 
-/// A sign of life.
-pub(in crate::port) fn alive() {
+/// A sign of life: how long the board ran is told after its next start.
+pub fn alive() {
     let uptime = embassy_time::Instant::now().as_millis();
     change_head(|head| head.alive(uptime));
 }

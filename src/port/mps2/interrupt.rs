@@ -43,8 +43,9 @@ impl Interrupt {
     /// The lower, the more urgent; the same order as on the Nucleo boards.
     const fn priority(self) -> u8 {
         match self {
-            Self::Uart1Receive | Self::Uart2Receive | Self::Timer1 | Self::DualTimer => 0x00,
-            Self::Timer0 => 0x00,
+            // Above them is the loop of a PID interface module, see tick.rs.
+            Self::Uart1Receive | Self::Uart2Receive | Self::Timer1 | Self::DualTimer => 0x20,
+            Self::Timer0 => 0x20,
             Self::Buses => 0x60,
             Self::Ethernet => 0x80,
             Self::Clients => 0xF0,

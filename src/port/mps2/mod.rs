@@ -2,6 +2,10 @@
 //!
 //! Interrupt priorities are in `interrupt.rs`: in the same order as those of the Nucleo boards.
 
+#[cfg(feature = "axis-module")]
+mod axis;
+#[cfg(feature = "axis-module")]
+mod axis_board;
 mod clock;
 mod executor;
 mod flash;
@@ -14,18 +18,28 @@ mod lines;
 mod log;
 mod pacer;
 mod registers;
+#[cfg(feature = "axis-module")]
+pub mod span;
 mod stack;
+#[cfg(feature = "axis-module")]
+mod tick;
 mod watchdog;
 
 use embassy_executor::{SendSpawner, Spawner};
 use embassy_net::Runner;
 
+#[cfg(feature = "axis-module")]
+pub use axis::Axis;
+#[cfg(feature = "axis-module")]
+pub use axis_board::{AxisBoard, Lamp};
 pub use executor::run;
 pub use flash::Flash;
 pub use leds::Leds;
 pub use line::Line;
 pub use lines::{BadPort, Lines, check_line};
 pub(super) use log::{last_words, log, logs};
+#[cfg(feature = "axis-module")]
+pub use tick::Tick;
 pub use watchdog::Watchdog;
 
 use crate::port::embedded::{Network, Patient, network, vital};
@@ -77,10 +91,13 @@ impl Board {
             moving,
             network,
             flash: Flash::take(),
-            button: registers::EMULATOR.read(0) == 1,
+            button: registers::EMULATOR.read(registers::BUTTON) == 1,
         }
     }
 }
+
+/// What must not go on when the firmware fails: there is nothing, for the new start begins with a motor at rest.
+pub(super) fn disarm() {}
 
 /// Temperature of the chip in degrees Celsius, where it has a sensor.
 pub fn temperature() -> Option<i16> {

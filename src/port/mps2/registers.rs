@@ -13,8 +13,10 @@ pub(super) const WATCHDOG: Registers = Registers(0x4000_8000);
 pub(super) const SCC: Registers = Registers(0x4002_F000);
 pub(super) const ETHERNET: Registers = Registers(0xA000_0000);
 
-/// The emulator's own page of memory. Its first word: whether the user button is held, 1 where it is.
+/// The emulator's own page of memory, whose words say what else there is on the board.
 pub(super) const EMULATOR: Registers = Registers(0x203F_F000);
+/// Whether the user button is held, 1 where it is.
+pub(super) const BUTTON: usize = 0x00;
 
 impl Registers {
     /// A peripheral's size in the memory map.

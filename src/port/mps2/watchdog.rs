@@ -37,6 +37,11 @@ impl Watchdog {
     /// Puts the reset off for another period.
     pub fn feed(&mut self) {
         vital::alive();
+        self.refresh();
+    }
+
+    /// The same without a note of the time.
+    pub(super) fn refresh(&mut self) {
         HUNGRY.store(false, Ordering::Relaxed);
         WATCHDOG.write(INTERRUPT_CLEAR, 1);
     }

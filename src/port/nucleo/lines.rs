@@ -5,7 +5,7 @@ use core::fmt;
 use puente_line::{Parity, Settings};
 
 use super::board;
-use super::line::{Line, a, b, config};
+use crate::port::stm32::line::{Line, a, b, config};
 
 /// The lines that are not open yet.
 pub struct Lines {

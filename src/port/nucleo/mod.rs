@@ -5,20 +5,14 @@
 
 mod calibration;
 mod can;
-mod executor;
 mod flash;
 mod leds;
-mod line;
 mod lines;
-mod log;
 mod mac;
 #[cfg(any(feature = "nucleo-f767zi", feature = "nucleo-f429zi"))]
 mod mb1137;
 mod net;
-mod receiver;
-mod reset;
 mod temperature;
-mod transmitter;
 mod watchdog;
 
 #[cfg(feature = "nucleo-f429zi")]
@@ -31,35 +25,22 @@ mod board;
 #[path = "h753zi.rs"]
 mod board;
 
-#[cfg(feature = "nucleo-f429zi")]
-#[path = "driver_enable_pin.rs"]
-mod driver_enable;
-#[cfg(not(feature = "nucleo-f429zi"))]
-#[path = "driver_enable_usart.rs"]
-mod driver_enable;
-
-#[cfg(feature = "nucleo-f429zi")]
-#[path = "registers_v2.rs"]
-mod registers;
-#[cfg(not(feature = "nucleo-f429zi"))]
-#[path = "registers_v3.rs"]
-mod registers;
-
 use embassy_executor::{SendSpawner, Spawner};
 use embassy_stm32::gpio::{AnyPin, Input, Pull};
 use embassy_stm32::peripherals::PC13;
 use embassy_stm32::rng::Rng;
 use embassy_stm32::{Peri, uid};
 
-pub use executor::run;
 pub use flash::Flash;
 pub use leds::Leds;
-pub use line::Line;
 pub use lines::{BadPort, Lines, check_line};
-pub(super) use log::{last_words, log, logs};
 pub use temperature::temperature;
 pub use watchdog::Watchdog;
 
+pub use super::stm32::{Line, run};
+pub(super) use super::stm32::{last_words, log, logs};
+
+use super::stm32::{executor, line, reset, start_log};
 use crate::port::embedded::{Network, vital};
 
 /// What the board offers to the application.
@@ -82,6 +63,9 @@ pub struct Board {
     pub button: bool,
 }
 
+/// What must not go on when the firmware fails: there is nothing, for the drives watch over themselves.
+pub(super) fn disarm() {}
+
 /// What is not in the same place on every board.
 struct Own {
     ld2: Peri<'static, AnyPin>,
@@ -93,7 +77,7 @@ impl Board {
     #[inline(never)]
     pub fn start(spawner: Spawner) -> Self {
         let moving = vital::begin(Some(reset::cause()));
-        log::start();
+        start_log();
         let p = embassy_stm32::init(board::config());
         if let Some(mut core) = cortex_m::Peripherals::take() {
             board::prepare(&mut core);

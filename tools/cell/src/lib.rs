@@ -28,6 +28,7 @@ mod answer;
 mod cell;
 mod drive;
 mod fault;
+pub mod framed;
 mod line;
 pub mod live;
 mod log;

@@ -44,7 +44,12 @@ fn a_pseudo_terminal_tells_what_was_dropped() {
     tcflush(&far, QueueSelector::OFlush).expect("dropped");
     far.write_all(&[5]).expect("sent");
     assert_eq!(next(&mut port), (Received::Discard, vec![]), "before what was written after it");
-    assert_eq!(next(&mut port), (Received::Bytes, vec![5]));
+    // The system may have passed on what was dropped already.
+    let mut rest = Vec::new();
+    while rest.last() != Some(&5) {
+        rest.extend(next(&mut port).1);
+    }
+    assert!(rest == [5] || rest == [3, 4, 5], "{rest:?}");
     port.write(&[7, 8]).expect("sent");
     let mut received = [0; 2];
     far.read_exact(&mut received).expect("heard");

@@ -31,10 +31,21 @@ pub const ADDRESSED: &str = "INFO ] network: ";
 
 /// Where the firmware looks whether the user button is held at start: 1 where it is.
 pub const BUTTON: u32 = 0x203F_F000;
+/// Where the firmware of a PID interface module looks whether its amplifier has a fault: 1 where it has one;
+pub const AMPLIFIER_FAULT: u32 = 0x203F_F004;
+/// and at the switch for its address, 0 to 15.
+pub const SWITCH: u32 = 0x203F_F008;
+
+/// The board of the gateway: Cortex-M7 and Ethernet.
+pub const GATEWAY: &str = "mps2-an500";
+/// The board of a PID interface module: Cortex-M4.
+pub const AXIS_MODULE: &str = "mps2-an386";
 
 /// What is connected to the board.
 #[derive(Clone)]
 pub struct Setup {
+    /// The board, [`GATEWAY`] or [`AXIS_MODULE`].
+    pub machine: &'static str,
     /// The firmware, an ELF file.
     pub image: PathBuf,
     /// Where raw bytes of RS-485 a and b are taken and given.
@@ -47,8 +58,8 @@ pub struct Setup {
     /// QEMU's own network is there, with its DHCP server and the forwarded ports. Without it nobody but `ethernet` can
     /// tell when the firmware answers.
     pub user_network: bool,
-    /// The user button is held, at every start.
-    pub button: bool,
+    /// Words of the board's memory at every start: [`BUTTON`] and those that follow it.
+    pub words: Vec<(u32, u32)>,
     /// A plugin of QEMU with its options, as QEMU takes it.
     pub plugin: Option<String>,
 }
@@ -57,12 +68,13 @@ impl Setup {
     /// `image` with a device on RS-485 a, on free ports.
     pub fn new(image: impl Into<PathBuf>, line: SocketAddr) -> Self {
         Self {
+            machine: GATEWAY,
             image: image.into(),
             lines: [Some(line), None],
             ports: [0, 0],
             ethernet: None,
             user_network: true,
-            button: false,
+            words: Vec::new(),
             plugin: None,
         }
     }
@@ -185,7 +197,7 @@ fn launch(
     log: Arc<impl Fn(&str) + Send + Sync + 'static>,
 ) -> Result<Emulator, String> {
     let mut qemu = Command::new(QEMU);
-    qemu.args(["-machine", "mps2-an500", "-display", "none", "-monitor", "none", "-qmp", "stdio"]);
+    qemu.args(["-machine", setup.machine, "-display", "none", "-monitor", "none", "-qmp", "stdio"]);
     let mut hosts = Vec::new();
     if setup.user_network {
         let ports = [(main, 80), (modbus, 502), (echo, 7)];
@@ -211,8 +223,8 @@ fn launch(
         let device = format!("socket,id={name},host={},port={},nodelay=on", line.ip(), line.port());
         qemu.arg("-chardev").arg(device).arg("-serial").arg(format!("chardev:{name}"));
     }
-    if setup.button {
-        qemu.arg("-device").arg(format!("loader,addr={BUTTON:#x},data=1,data-len=4"));
+    for (address, word) in &setup.words {
+        qemu.arg("-device").arg(format!("loader,addr={address:#x},data={word},data-len=4"));
     }
     if let Some(plugin) = &setup.plugin {
         qemu.arg("-plugin").arg(plugin);

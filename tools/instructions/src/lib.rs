@@ -3,7 +3,13 @@
 //!
 //! `-plugin libpuente_instructions.so,counts=FILE`. The file is a row of 64-bit numbers, as this machine has them: the
 //! first is the sum, then one for each half-word of the code memory, for the block that starts there.
+//!
+//! With `spans=FILE,begins=A,ends=B,next=C` it counts spans too, from each time that the function at address A is called
+//! to the next call of that at B. This file has three numbers for each of the first 64 stretches between two calls of
+//! that at C: how many spans, their instructions, and those of the longest. Addresses are decimal.
 #![deny(missing_docs)]
+
+mod spans;
 
 use std::ffi::{CStr, c_char, c_int, c_uint, c_void};
 use std::fs::OpenOptions;
@@ -17,7 +23,6 @@ use rustix::mm::{MapFlags, ProtFlags, mmap};
 const CODE: usize = 1 << 20;
 /// One number for the sum, and one for each place where an instruction may start.
 const COUNTS: usize = 1 + CODE / 2;
-const SIZE: usize = COUNTS * size_of::<AtomicU64>();
 
 /// The interface that this is made for: QEMU refuses what is older or newer than what it supports. The functions used
 /// here are the same in all of them.
@@ -70,16 +75,22 @@ pub unsafe extern "C" fn qemu_plugin_install(
     count: c_int,
     arguments: *const *const c_char,
 ) -> c_int {
-    let file = (0..usize::try_from(count).unwrap_or_default()).find_map(|index| {
-        // SAFETY: what the caller promises.
-        let argument = unsafe { CStr::from_ptr(*arguments.add(index)) };
-        argument.to_str().ok()?.strip_prefix("counts=")
-    });
-    let Some(file) = file else {
+    let option = |name: &str| {
+        (0..usize::try_from(count).unwrap_or_default()).find_map(|index| {
+            // SAFETY: what the caller promises.
+            let argument = unsafe { CStr::from_ptr(*arguments.add(index)) };
+            argument.to_str().ok()?.strip_prefix(name)?.strip_prefix('=')
+        })
+    };
+    let Some(file) = option("counts") else {
         eprintln!("instructions: the option counts=FILE is missing");
         return 1;
     };
-    match map(file) {
+    if let Err(error) = spans::start(option) {
+        eprintln!("instructions: {error}");
+        return 1;
+    }
+    match map(file, COUNTS) {
         Ok(counts) => {
             let _ = FILE.set(counts);
             // SAFETY: `id` is this plugin's, and the callback has the type that the interface asks for.
@@ -94,15 +105,16 @@ pub unsafe extern "C" fn qemu_plugin_install(
 }
 
 /// The file in memory, for as long as this process lives.
-fn map(path: &str) -> io::Result<&'static [AtomicU64]> {
+fn map(path: &str, numbers: usize) -> io::Result<&'static [AtomicU64]> {
+    let size = numbers * size_of::<AtomicU64>();
     let file = OpenOptions::new().read(true).write(true).create(true).truncate(true).open(path)?;
-    file.set_len(SIZE as u64)?;
+    file.set_len(size as u64)?;
     let access = ProtFlags::READ | ProtFlags::WRITE;
     // SAFETY: a new mapping at an address of the system's choice overlaps nothing. It is never taken away, is as long as
     // the slice and aligned to a page. Who else has the file open only reads it, and every number is a count.
     let counts = unsafe {
-        let start = mmap(std::ptr::null_mut(), SIZE, access, MapFlags::SHARED, &file, 0)?;
-        std::slice::from_raw_parts(start.cast(), COUNTS)
+        let start = mmap(std::ptr::null_mut(), size, access, MapFlags::SHARED, &file, 0)?;
+        std::slice::from_raw_parts(start.cast(), numbers)
     };
     Ok(counts)
 }
@@ -125,6 +137,9 @@ const INSTRUCTIONS: u32 = 16;
 extern "C" fn executed(_processor: c_uint, data: *mut c_void) {
     let (place, instructions) = (data as usize >> INSTRUCTIONS, data as u64 & ((1 << INSTRUCTIONS) - 1));
     let Some(counts) = FILE.get() else { return };
+    if let Some(sum) = counts.first() {
+        spans::reached(place, sum.load(Ordering::Relaxed));
+    }
     for index in [0, 1 + place / 2] {
         if let Some(count) = counts.get(index) {
             // There is one processor, so that nobody adds at the same time.

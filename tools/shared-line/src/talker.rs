@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use puente_framed::arbiter::{Action, Config, Statistics};
+use puente_framed::arbiter::{Action, Config, Precedence, Statistics};
 use puente_framed::frame::{self, MAX_FRAME};
 use puente_framed::{Arbiter, Kind, Random, section};
 use puente_line::Instant;
@@ -108,7 +108,7 @@ impl Talker {
         }
         if !self.waiting.is_empty() && !self.arbiter.is_busy() {
             let frame = &self.frame;
-            let _ = self.arbiter.submit(now, |buffer| {
+            let _ = self.arbiter.submit(now, Precedence::Ordinary, |buffer| {
                 buffer.clear();
                 buffer.extend_from_slice(frame)
             });

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::rc::Rc;
 use std::time::Duration;
 
-use common::{LONGEST, Talker, config, drain, fast, join, line, message, run};
+use common::{BODY, LONGEST, Talker, config, drain, fast, join, line, message, run};
 use puente_framed::arbiter::Failure;
 use puente_framed::station::Action;
 use puente_framed::window::{Cause, Outcome};
@@ -148,16 +148,16 @@ struct Posts {
     outcomes: Vec<Result<(), Failure>>,
 }
 
-impl Application<1, 1, LONGEST> for Poster {
+impl Application<1, 1, BODY, LONGEST> for Poster {
     fn take(&mut self, _now: Instant, action: Action<'_>) {
         if let Action::Posted(outcome) = action {
             self.0.borrow_mut().outcomes.push(outcome);
         }
     }
 
-    fn drive(&mut self, _now: Instant, station: &mut Station<1, 1, LONGEST>) {
+    fn drive(&mut self, now: Instant, station: &mut Station<1, 1, BODY, LONGEST>) {
         if std::mem::take(&mut self.0.borrow_mut().due) {
-            station.post(Kind::Plain, &message(1, 17, 0)).expect("nothing is in work");
+            station.post(now, Kind::Plain, &message(1, 17, 0)).expect("nothing is in work");
         }
     }
 }

@@ -71,12 +71,20 @@ fn scenarios() -> std::io::Result<Vec<String>> {
     Ok(names)
 }
 
-/// Builds the image, and makes sure of QEMU.
+/// Builds the gateway's image, and makes sure of QEMU.
 pub fn image(build: fn(&Cross, &Board) -> Result<PathBuf, String>) -> Result<PathBuf, String> {
+    image_of(build, &EMULATED)
+}
+
+/// The same for a board of QEMU's that runs another program.
+pub fn image_of(
+    build: fn(&Cross, &Board) -> Result<PathBuf, String>,
+    board: &Board,
+) -> Result<PathBuf, String> {
     if !works(program(QEMU).arg("--version")) {
         install_debian(&[QEMU])?;
     }
-    build(&Cross::find()?, &EMULATED)
+    build(&Cross::find()?, board)
 }
 
 /// The simulated cell on a TCP port; it ends with this value.

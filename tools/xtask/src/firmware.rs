@@ -25,9 +25,9 @@ pub fn run(arguments: &[String]) -> Outcome {
     Ok(())
 }
 
-/// Builds the gateway for a board, and returns its image: an ELF file. It has nothing that only tests may ask for.
+/// Builds what a board runs, and returns its image: an ELF file. It has nothing that only tests may ask for.
 pub fn build(cross: &Cross, board: &Board) -> Result<PathBuf, String> {
-    let image = image(of_board(cross.cargo("build"), board), board.name)?;
+    let image = image(of_board(cross.cargo("build"), board), board, "")?;
     if has_hooks(&image)? { Err(format!("{} obeys `debug panic`", image.display())) } else { Ok(image) }
 }
 
@@ -35,17 +35,18 @@ pub fn build(cross: &Cross, board: &Board) -> Result<PathBuf, String> {
 pub fn build_for_tests(cross: &Cross, board: &Board) -> Result<PathBuf, String> {
     let mut cargo = of_board(cross.cargo("build"), board);
     cargo.args(["--features", TEST_HOOKS]);
-    let image = image(cargo, &format!("{}-test", board.name))?;
+    let image = image(cargo, board, "-test")?;
     if has_hooks(&image)? { Ok(image) } else { Err(format!("{} has no {TEST_HOOKS}", image.display())) }
 }
 
-/// Builds an image. Every board's comes out under the same name, and is kept under one of its own.
-fn image(mut cargo: Command, name: &str) -> Result<PathBuf, String> {
+/// Builds an image. Every board's comes out under the name of its program, and is kept under one of its own.
+fn image(mut cargo: Command, board: &Board, suffix: &str) -> Result<PathBuf, String> {
     run_command(cargo.args(["--profile", PROFILE, "--quiet"]))?;
     let target = target_dir()?;
     let folder = target.join("firmware");
-    let image = folder.join(format!("puente-{name}.elf"));
-    let built = target.join(TARGET).join(PROFILE).join("gateway");
+    let program = board.program.name();
+    let image = folder.join(format!("{program}-{}{suffix}.elf", board.name));
+    let built = target.join(TARGET).join(PROFILE).join(program);
     fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     fs::copy(&built, &image).map_err(|error| format!("{}: {error}", built.display()))?;
     Ok(image)
@@ -64,10 +65,10 @@ pub fn of_board(mut cargo: Command, board: &Board) -> Command {
         "--package",
         "puente",
         "--bin",
-        "gateway",
+        board.program.name(),
         "--no-default-features",
         "--features",
-        board.name,
+        &board.features(),
     ]);
     cargo
 }

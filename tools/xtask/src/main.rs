@@ -54,8 +54,8 @@ const COMMANDS: &[Command] = &[
     },
     Command {
         name: "cost",
-        usage: "[--write | --profile NAME]",
-        does: "instructions of each transaction against docs/cost.md, or by function",
+        usage: "[--write] [--loop] | --profile NAME",
+        does: "instructions of each step of a module's loop, and of each transaction against docs/cost.md",
         run: cost::run,
     },
     Command { name: "fuzz", usage: "[--smoke] [TARGET]", does: "run the fuzz targets", run: fuzz::run },

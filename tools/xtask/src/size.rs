@@ -136,11 +136,12 @@ fn largest(file: &object::File<'_>, count: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::board::Budget;
+    use crate::board::{Budget, Program};
 
     #[test]
     fn a_budget_counts_statics_and_stack_together() {
-        let board = Board { name: "board", budget: Some(Budget { flash: 100, ram: 50 }) };
+        let board =
+            Board { name: "board", program: Program::Gateway, budget: Some(Budget { flash: 100, ram: 50 }) };
         assert_eq!(judge(&board, &Size { flash: 100, statics: 30, stack: 20 }), Vec::<String>::new());
         assert_eq!(
             judge(&board, &Size { flash: 101, statics: 30, stack: 21 }),
@@ -150,7 +151,7 @@ mod tests {
 
     #[test]
     fn a_table_may_be_a_little_old() {
-        let board = Board { name: "board", budget: None };
+        let board = Board { name: "board", program: Program::Gateway, budget: None };
         let stale = |table: &str| stale(table, &board, &Size { flash: 1000, statics: 30, stack: 20 });
         assert!(!stale("| board | 1,040 | 30 | 20 |\n"));
         for table in

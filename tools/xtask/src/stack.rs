@@ -55,7 +55,7 @@ fn build(cross: &Cross, board: &Board) -> Result<Vec<u8>, String> {
     let mut cargo = of_board(cross.cargo("build"), board);
     cargo.env("RUSTC_BOOTSTRAP", "1").env("RUSTFLAGS", "-Zemit-stack-sizes").env("CARGO_TARGET_DIR", &target);
     run_command(cargo.args(["--profile", PROFILE, "--quiet"]))?;
-    let image = target.join(TARGET).join(PROFILE).join("gateway");
+    let image = target.join(TARGET).join(PROFILE).join(board.program.name());
     fs::read(&image).map_err(|error| format!("{}: {error}", image.display()))
 }
 

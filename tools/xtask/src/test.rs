@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::board::{BOARDS, EMULATED};
+use crate::board::{BOARDS, EMULATED, Program, emulated};
 use crate::command::{cargo, program, run as run_command, works};
 use crate::cross::Cross;
 use crate::{Outcome, cost, emulate, firmware, fuzz, peers, size, stack};
@@ -67,7 +67,7 @@ fn lints() -> Outcome {
 fn firmware_lints() -> Outcome {
     component("clippy", "clippy")?;
     let cross = Cross::find()?;
-    for board in BOARDS.iter().chain([&EMULATED]) {
+    for board in BOARDS.iter().chain([&EMULATED, &emulated(Program::AxisModule)]) {
         let mut clippy = firmware::of_board(cross.cargo("clippy"), board);
         run_command(clippy.args(["--lib", "--quiet", "--", "-D", "warnings"]))?;
     }

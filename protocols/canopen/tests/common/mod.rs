@@ -1,6 +1,10 @@
 //! What the tests share.
 #![allow(dead_code)]
 
+pub mod channel;
+pub mod server;
+pub mod zencan;
+
 use proptest::prelude::*;
 use puente_canopen::{Frame, Id};
 use puente_line::Instant;

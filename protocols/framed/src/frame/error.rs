@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use crate::section::NoRoom;
+
 /// Why bytes are no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameError {
@@ -88,3 +90,9 @@ impl fmt::Display for EmitError {
 }
 
 impl core::error::Error for EmitError {}
+
+impl From<NoRoom> for EmitError {
+    fn from(_: NoRoom) -> Self {
+        Self::TooLong
+    }
+}

@@ -169,20 +169,32 @@ pub fn emit<const N: usize>(
     kind: Kind,
     body: &[u8],
 ) -> Result<(), EmitError> {
+    build(buffer, origin, kind, |buffer| append(buffer, body))
+}
+
+/// The same, with sections that `write` appends to what is already in `buffer`.
+///
+/// # Errors
+/// Any [`EmitError`], what `write` says among them; `buffer` is empty then.
+pub fn build<const N: usize>(
+    buffer: &mut heapless::Vec<u8, N>,
+    origin: u8,
+    kind: Kind,
+    write: impl FnOnce(&mut heapless::Vec<u8, N>) -> Result<(), EmitError>,
+) -> Result<(), EmitError> {
     buffer.clear();
-    let outcome = write(buffer, origin, kind, body);
+    let outcome = append(buffer, &[PREAMBLE, origin, 0, 0])
+        .and_then(|()| write(buffer))
+        .and_then(|()| complete(buffer, kind));
     if outcome.is_err() {
         buffer.clear();
     }
     outcome
 }
 
-fn write<const N: usize>(
-    buffer: &mut heapless::Vec<u8, N>,
-    origin: u8,
-    kind: Kind,
-    body: &[u8],
-) -> Result<(), EmitError> {
+/// Adds what belongs before and after the body.
+fn complete<const N: usize>(buffer: &mut heapless::Vec<u8, N>, kind: Kind) -> Result<(), EmitError> {
+    let body = buffer.get(HEADER..).unwrap_or_default();
     let mut sections = Sections::new(body);
     let last = sections.by_ref().last().ok_or(EmitError::Sections)?;
     if !sections.rest().is_empty() || is_trailer(&last) {
@@ -197,14 +209,13 @@ fn write<const N: usize>(
     if usize::from(length) > MAX_PACKET || buffer.capacity() < usize::from(length) + OVERHEAD {
         return Err(EmitError::TooLong);
     }
-    let [high, low] = (u16::from(kind.tag()) << TAG_SHIFT | length).to_be_bytes();
-    append(buffer, &[PREAMBLE, origin, high, low])?;
-    append(buffer, body)?;
+    let header = (u16::from(kind.tag()) << TAG_SHIFT | length).to_be_bytes();
+    buffer.iter_mut().skip(2).zip(header).for_each(|(place, byte)| *place = byte);
     match kind {
         Kind::Plain if fill > 0 => {
             let nothing = [0; MIN_PACKET];
             let nothing = nothing.get(..fill - section::OVERHEAD).unwrap_or_default();
-            section::push(buffer, section::NOBODY, nothing).map_err(|_| EmitError::TooLong)?;
+            section::push(buffer, section::NOBODY, nothing)?;
         }
         Kind::Plain => {}
         _ => {

@@ -1,33 +1,33 @@
 //! A station: decoder, arbiter and windows together.
 
+mod post;
 mod types;
 
 use heapless::Vec;
 use puente_line::Instant;
 
-pub use types::{Action, Config};
+pub use types::{Action, Config, PostError};
 
-use crate::arbiter::{self, Arbiter, Busy, Statistics};
-use crate::frame::{self, EmitError, Frame, Kind};
+use crate::arbiter::{self, Arbiter, Precedence, Statistics};
+use crate::frame::{self, Frame, Kind};
 use crate::section::{self, Sections};
 use crate::window::{self, Receiver, Refused, Sender, Ticket};
 use crate::{Class, Decoder, Random, Reason, Session};
 
-/// A station of the line, with windows to at most `PEERS` others, of `W` frames in either direction. `N` is its longest frame.
+/// A station of the line, with windows to at most `PEERS` others, of `W` frames in either direction. `M` is the longest body
+/// of a frame of a window, `N` the longest frame of all.
 ///
 /// Where there is no room for another peer, the one that has been idle longest is forgotten; should it still send, it opens a
 /// new session.
 #[derive(Clone, Debug)]
-pub struct Station<const PEERS: usize, const W: usize, const N: usize> {
+pub struct Station<const PEERS: usize, const W: usize, const M: usize, const N: usize> {
     config: Config,
     random: Random,
     decoder: Decoder<N>,
     arbiter: Arbiter<N>,
-    links: Vec<Link<W, N>, PEERS>,
+    links: Vec<Link<W, M>, PEERS>,
     /// The link that was served last; they take turns.
     turn: usize,
-    /// A frame outside of any window that waits for the line.
-    post: Vec<u8, N>,
     /// What the arbiter has in work.
     sending: Sending,
     /// A refusal that belongs to no link.
@@ -37,10 +37,10 @@ pub struct Station<const PEERS: usize, const W: usize, const N: usize> {
 
 /// Both windows between two stations.
 #[derive(Clone, Debug)]
-struct Link<const W: usize, const N: usize> {
+struct Link<const W: usize, const M: usize> {
     peer: u8,
-    sender: Sender<W, N>,
-    receiver: Receiver<W, N>,
+    sender: Sender<W, M>,
+    receiver: Receiver<W, M>,
     last_used: Instant,
 }
 
@@ -52,7 +52,7 @@ enum Sending {
         peer: u8,
         kind: Kind,
     },
-    /// [`Station::post`].
+    /// [`Station::post`], [`Station::post_frame`].
     Post,
     Window {
         peer: u8,
@@ -60,9 +60,15 @@ enum Sending {
     },
 }
 
-impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
+impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station<PEERS, W, M, N> {
+    const LENGTHS: () = assert!(
+        M + frame::TAGGED_OVERHEAD <= N && N <= frame::MAX_FRAME,
+        "a frame of a window must fit in the longest frame, and that in the line's longest"
+    );
+
     /// A station that starts now. Its seed must be another than that of any other station, and another at each start.
     pub fn new(config: Config, now: Instant, seed: u64) -> Self {
+        const { Self::LENGTHS };
         let mut random = Random::new(seed);
         let arbiter = Arbiter::new(config.arbiter, now, draw(&mut random));
         Self {
@@ -72,7 +78,6 @@ impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
             arbiter,
             links: Vec::new(),
             turn: 0,
-            post: Vec::new(),
             sending: Sending::Nothing,
             refusal: None,
             last_heard: now,
@@ -84,7 +89,7 @@ impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
     /// # Errors
     /// Any [`Refused`]; `Full` where there is no room for another peer, too.
     pub fn submit(&mut self, now: Instant, peer: u8, class: Class, body: &[u8]) -> Result<Ticket, Refused> {
-        if body.len() + frame::TAGGED_OVERHEAD > N {
+        if body.len() > M {
             return Err(Refused::TooLong);
         }
         let mut sections = Sections::new(body);
@@ -98,29 +103,6 @@ impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
     /// Frames to `peer` whose outcome is open.
     pub fn outstanding(&self, peer: u8) -> usize {
         self.links.iter().find(|link| link.peer == peer).map_or(0, |link| link.sender.outstanding())
-    }
-
-    /// Takes a frame outside of any window. It is sent once.
-    ///
-    /// # Errors
-    /// `None` while the last one waits, why it cannot be made after that.
-    pub fn post(&mut self, kind: Kind, body: &[u8]) -> Result<(), Option<EmitError>> {
-        if self.has_post() {
-            return Err(None);
-        }
-        frame::emit(&mut self.post, self.config.address, kind, body).map_err(Some)
-    }
-
-    /// Takes the bytes of a whole frame, for one who makes his own. It is sent once.
-    ///
-    /// # Errors
-    /// `Busy` while the last one waits, or where it is no frame that this station can send.
-    pub fn post_bytes(&mut self, bytes: &[u8]) -> Result<(), Busy> {
-        if self.has_post() || frame::parse(bytes).is_err() {
-            return Err(Busy);
-        }
-        self.post = Vec::from_slice(bytes).map_err(|_| Busy)?;
-        Ok(())
     }
 
     /// Takes a byte that the line said, the echo of what is sent too, at its end. [`Station::poll`] until it is idle, before
@@ -185,7 +167,7 @@ impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
             by(Some(self.last_heard + self.config.silence));
         }
         let free = !self.arbiter.is_busy();
-        if free && (!self.post.is_empty() || self.refusal.is_some()) {
+        if free && self.refusal.is_some() {
             by(Some(Instant::ZERO));
         }
         for Link { sender, receiver, .. } in &self.links {
@@ -210,10 +192,6 @@ impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
         self.decoder.damaged()
     }
 
-    fn has_post(&self) -> bool {
-        !self.post.is_empty() || matches!(self.sending, Sending::Post)
-    }
-
     /// Lets the decoder know that the line has fallen silent.
     fn settle(&mut self, now: Instant) {
         if self.decoder.is_inside() && now >= self.last_heard + self.config.silence {
@@ -229,11 +207,10 @@ impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
         let own = self.config.address;
         let for_us = body.first() == Some(&own);
         match kind {
-            // The echo.
-            _ if origin == own => false,
+            _ if origin == own || self.is_echo() => false,
             Kind::Plain | Kind::Single(_) | Kind::Receipt { .. } => true,
             Kind::Refusal { session: Session::NONE, .. } => true,
-            _ if !for_us => false,
+            _ if !for_us => self.config.promiscuous,
             Kind::Opening { sender } => {
                 match self.link(now, origin) {
                     Some(link) => link.receiver.opened(sender),
@@ -246,6 +223,11 @@ impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
                 false
             }
         }
+    }
+
+    /// Whether what was heard is what was posted in another's name.
+    fn is_echo(&self) -> bool {
+        self.arbiter.is_finished() && self.decoder.frame_bytes() == self.arbiter.frame()
     }
 
     /// Takes a frame of a window that must exist.
@@ -274,7 +256,7 @@ impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
     }
 
     /// The link to `peer`, made where there is room.
-    fn link(&mut self, now: Instant, peer: u8) -> Option<&mut Link<W, N>> {
+    fn link(&mut self, now: Instant, peer: u8) -> Option<&mut Link<W, M>> {
         let at = self.links.iter().position(|link| link.peer == peer);
         let at = match at {
             Some(at) => at,
@@ -309,9 +291,9 @@ impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
         receiver.take(now).map_or(Action::Idle, |(class, body)| Action::Received { from, class, body })
     }
 
-    /// Gives the arbiter a frame if it has none: answers first, then what the caller posted, then the windows in turn.
+    /// Gives the arbiter a frame if it has none: answers first, then the windows in turn.
     fn fill(&mut self, now: Instant) {
-        if !self.arbiter.is_busy() && !self.answer(now) && !self.fill_with_post(now) {
+        if self.is_free() && !self.answer(now) {
             self.fill_from_window(now);
         }
     }
@@ -330,23 +312,21 @@ impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
         };
         let body = [peer, 0, section::TERMINATOR];
         let origin = self.config.address;
-        let taken = self.arbiter.submit(now, |buffer| frame::emit(buffer, origin, kind, &body));
+        let taken =
+            self.arbiter.submit(now, Precedence::Ordinary, |buffer| frame::emit(buffer, origin, kind, &body));
         self.sending = Sending::Answer { peer, kind };
         taken.is_ok()
     }
 
-    fn fill_with_post(&mut self, now: Instant) -> bool {
-        if self.post.is_empty() {
-            return false;
+    /// Takes a frame of a window back that is not on the line; it is as if it had not been given to the arbiter.
+    fn step_back(&mut self, now: Instant) {
+        if self.arbiter.withdraw()
+            && let Sending::Answer { peer, kind } = self.sending
+            && let Some(link) = self.links.iter_mut().find(|link| link.peer == peer)
+        {
+            link.receiver.failed(now, kind);
         }
-        let post = &mut self.post;
-        let taken = self.arbiter.submit(now, |buffer| {
-            core::mem::swap(buffer, post);
-            Ok::<(), EmitError>(())
-        });
-        self.post.clear();
-        self.sending = Sending::Post;
-        taken.is_ok()
+        self.sending = Sending::Nothing;
     }
 
     fn fill_from_window(&mut self, now: Instant) {
@@ -361,7 +341,9 @@ impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
             let opening = [*peer, 0, section::TERMINATOR];
             let body = if body.is_empty() { &opening } else { body };
             let origin = self.config.address;
-            let _ = self.arbiter.submit(now, |buffer| frame::emit(buffer, origin, kind, body));
+            let _ = self
+                .arbiter
+                .submit(now, Precedence::Ordinary, |buffer| frame::emit(buffer, origin, kind, body));
             self.sending = Sending::Window { peer: *peer, what };
             self.turn = at;
             return;
@@ -387,12 +369,11 @@ impl<const PEERS: usize, const W: usize, const N: usize> Station<PEERS, W, N> {
             }
             Sending::Nothing | Sending::Answer { .. } => {}
         }
-        // The next frame, if there is one. No frame is done at once, so that this does not come here again.
-        self.poll(now)
+        Action::Free
     }
 }
 
-impl<const W: usize, const N: usize> Link<W, N> {
+impl<const W: usize, const M: usize> Link<W, M> {
     fn is_idle(&self) -> bool {
         self.sender.outstanding() == 0 && !self.sender.has_outcome() && self.receiver.is_idle()
     }

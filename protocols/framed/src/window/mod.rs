@@ -1,7 +1,7 @@
 //! Sliding windows: frames that arrive once and in order, or are reported lost.
 //!
 //! Each direction between two stations has a window of its own. Up to eight frames are outstanding; what is missing is repeated
-//! alone (selective repeat). Memory is bounded: `W` frames of at most `N` bytes at either end of each.
+//! alone (selective repeat). Memory is bounded: `W` frames of at most `M` bytes at either end of each.
 //!
 //! # Sessions
 //! A station that starts anew counts its frames from 0 again, and frames of its past may still come. So numbers count within

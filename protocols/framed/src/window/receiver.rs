@@ -8,7 +8,7 @@ use crate::{Class, Kind, Number, Random, Reason, Session};
 
 /// The receiving end of a window: puts frames into their order.
 #[derive(Clone, Debug)]
-pub struct Receiver<const W: usize, const N: usize> {
+pub struct Receiver<const W: usize, const M: usize> {
     config: Config,
     random: Random,
     /// Whose frames are taken.
@@ -18,7 +18,7 @@ pub struct Receiver<const W: usize, const N: usize> {
     /// Number of the next frame to be delivered.
     next: Number,
     /// Frames from there on that have arrived, by number modulo `W`.
-    frames: [Incoming<N>; W],
+    frames: [Incoming<M>; W],
     /// Frames delivered since the last acknowledgement.
     unacknowledged: usize,
     /// When to acknowledge.
@@ -30,13 +30,13 @@ pub struct Receiver<const W: usize, const N: usize> {
 }
 
 #[derive(Clone, Debug)]
-struct Incoming<const N: usize> {
+struct Incoming<const M: usize> {
     arrived: bool,
     class: Class,
-    body: Vec<u8, N>,
+    body: Vec<u8, M>,
 }
 
-impl<const W: usize, const N: usize> Receiver<W, N> {
+impl<const W: usize, const M: usize> Receiver<W, M> {
     /// Frames have their place by number modulo `W`.
     const PLACES: () = assert!(W.is_power_of_two() && W <= MAX_WINDOW, "a window is 1, 2, 4 or 8 frames");
 

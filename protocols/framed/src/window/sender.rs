@@ -38,12 +38,12 @@ impl core::error::Error for Refused {}
 
 /// The sending end of a window: keeps frames until they are acknowledged.
 #[derive(Clone, Debug)]
-pub struct Sender<const W: usize, const N: usize> {
+pub struct Sender<const W: usize, const M: usize> {
     config: Config,
     random: Random,
     state: State,
     /// Frames in work, by number.
-    frames: Deque<Outgoing<N>, W>,
+    frames: Deque<Outgoing<M>, W>,
     /// Number of the first.
     base: Number,
     /// What has become of frames, until it is fetched. Together with those in work never more than `W`.
@@ -67,10 +67,10 @@ enum State {
 }
 
 #[derive(Clone, Debug)]
-struct Outgoing<const N: usize> {
+struct Outgoing<const M: usize> {
     ticket: Ticket,
     class: Class,
-    body: Vec<u8, N>,
+    body: Vec<u8, M>,
     tries: u8,
     progress: Progress,
 }
@@ -92,7 +92,7 @@ pub(crate) enum Sending {
     Frame(Ticket),
 }
 
-impl<const W: usize, const N: usize> Sender<W, N> {
+impl<const W: usize, const M: usize> Sender<W, M> {
     /// A sender without a session.
     pub const fn new(config: Config, seed: u64) -> Self {
         Self {
@@ -267,7 +267,7 @@ impl<const W: usize, const N: usize> Sender<W, N> {
             State::Opening { due, .. } => *due = true,
             State::Open { .. } => {
                 // All may have arrived, and the acknowledgement be lost.
-                let missing = |frame: &&Outgoing<N>| matches!(frame.progress, Progress::Sent { .. });
+                let missing = |frame: &&Outgoing<M>| matches!(frame.progress, Progress::Sent { .. });
                 let first = self.frames.iter().find(missing).or(self.frames.front());
                 if let Some((ticket, tries)) = first.map(|frame| (frame.ticket, frame.tries)) {
                     self.missing(ticket, tries);

@@ -53,6 +53,11 @@ pub enum Action<'a> {
         /// What it is at.
         report: Report,
     },
+    /// An axis that was asked has not answered in time. It still may.
+    Missed {
+        /// Its place.
+        axis: usize,
+    },
     /// What an axis that this master commands tells.
     Event {
         /// Its place.

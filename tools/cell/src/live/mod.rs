@@ -1,6 +1,7 @@
 //! A cell in real time: its line on pseudo terminals, TCP ports and serial devices.
 
 mod port;
+mod ports;
 mod terminal;
 
 use std::io::{self, ErrorKind};
@@ -8,6 +9,7 @@ use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
 pub use port::{Place, Port};
+pub use ports::Ports;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 /// What has come through a port.
@@ -17,7 +19,8 @@ pub enum Received {
     Nothing,
     /// Bytes, or a client has come or gone; there may be more.
     Bytes,
-    /// The far side has dropped what it had written before, of a pseudo terminal (`tcflush`). There may be more.
+    /// The far side has dropped what it had written before, of a pseudo terminal (`tcflush`). There may be more, and of what
+    /// was dropped the system may have passed on a rest.
     Discard,
 }
 

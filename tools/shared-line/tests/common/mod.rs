@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use puente_framed::frame::TAGGED_OVERHEAD;
 use puente_framed::section;
 use puente_framed::station::{Action, Config};
 use puente_framed::window::{Outcome, Ticket};
@@ -16,8 +17,9 @@ use puente_shared_line::{Line, Place};
 pub const PEERS: usize = 6;
 pub const WINDOW: usize = 8;
 pub const LONGEST: usize = 160;
+pub const BODY: usize = LONGEST - TAGGED_OVERHEAD;
 
-pub type Node = Framed<Talker, PEERS, WINDOW, LONGEST>;
+pub type Node = Framed<Talker, PEERS, WINDOW, BODY, LONGEST>;
 
 pub fn fast() -> Settings {
     Settings { baud: 1_000_000, format: "8N1".parse().expect("format") }
@@ -118,17 +120,18 @@ impl Talker {
     }
 }
 
-impl Application<PEERS, WINDOW, LONGEST> for Talker {
+impl Application<PEERS, WINDOW, BODY, LONGEST> for Talker {
     fn take(&mut self, _now: Instant, action: Action<'_>) {
         match action {
             Action::Received { from, body, .. } => self.received(from, body),
             Action::Done { to, ticket, outcome } => self.done(to, ticket, outcome),
             Action::Heard(frame) => self.heard.push((frame.origin, frame.kind, frame.body.to_vec())),
+            Action::Free => {}
             other => panic!("not for the application: {other:?}"),
         }
     }
 
-    fn drive(&mut self, now: Instant, station: &mut Station<PEERS, WINDOW, LONGEST>) {
+    fn drive(&mut self, now: Instant, station: &mut Station<PEERS, WINDOW, BODY, LONGEST>) {
         if self.stop {
             return;
         }

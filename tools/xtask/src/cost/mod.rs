@@ -5,6 +5,7 @@
 
 mod profile;
 mod rig;
+mod steps;
 mod transactions;
 
 use std::thread;
@@ -44,7 +45,14 @@ pub fn run(arguments: &[String]) -> Outcome {
     let mut options = Options::new(arguments);
     let write = options.flag("--write");
     let profiled = options.value("--profile")?;
+    let only_steps = options.flag("--loop");
     options.end()?;
+    if profiled.is_none() {
+        steps::run(write)?;
+    }
+    if only_steps {
+        return Ok(());
+    }
     let rig = Rig::start()?;
     if let Some(name) = profiled {
         let transaction = ALL.iter().find(|transaction| transaction.short == name);

@@ -39,9 +39,7 @@ impl Rig {
     pub fn start() -> Result<Self, String> {
         let image = emulate::image(firmware::build_for_tests)?;
         run_command(cargo().args(["build", "--package", "cell", "--bin", "cell", "--quiet"]))?;
-        let mut plugin = cargo();
-        plugin.args(["build", "--package", "puente-instructions", "--release", "--quiet"]);
-        run_command(plugin.env("QEMU_PLUGIN_VERSION", interface(&emulator()?)))?;
+        let library = plugin()?;
         let target = target_dir()?;
         let mut cell = Command::new(target.join("debug/cell"));
         // As many registers as Modbus allows, where the drives have fewer; and the board's line alone keeps to the times
@@ -49,7 +47,6 @@ impl Rig {
         cell.args(["--protocol", "modbus-rtu", "--baud", "115200", "--format", "8E1"]);
         let cell = Cell::start(cell.args(["--max-read", "125", "--unpaced", "--reply-delay-ms", "1"]))?;
         let counts = target.join("instructions");
-        let library = target.join("release/libpuente_instructions.so");
         let plugin = format!("{},counts={}", library.display(), counts.display());
         let setup = Setup { plugin: Some(plugin), ..Setup::new(&image, cell.line) };
         let board = Emulator::start(&setup, |_| {})?;
@@ -87,6 +84,14 @@ impl Rig {
         rates.sort_unstable_by(f64::total_cmp);
         rates.get(rates.len() / 2).copied().ok_or_else(|| "no window".into())
     }
+}
+
+/// The plugin that counts, for the emulator that is there.
+pub fn plugin() -> Result<PathBuf, String> {
+    let mut plugin = cargo();
+    plugin.args(["build", "--package", "puente-instructions", "--release", "--quiet"]);
+    run_command(plugin.env("QEMU_PLUGIN_VERSION", interface(&emulator()?)))?;
+    Ok(target_dir()?.join("release/libpuente_instructions.so"))
 }
 
 /// Gives the board a line as it is common with Modbus, and waits for its new start.

@@ -7,7 +7,7 @@ use log::{Level, LevelFilter, Metadata, Record};
 
 use crate::port::journal;
 
-pub(super) fn start() {
+pub(in crate::port) fn start() {
     journal::start(LevelFilter::Info);
 }
 

@@ -10,8 +10,8 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::watch::{Receiver, Watch};
 
-use super::limits::SLOTS;
 use crate::port::Door;
+use crate::port::embedded::limits::SLOTS;
 
 /// Idle places that a door keeps while nobody waits at the other one.
 const KEPT: usize = 2;

@@ -32,8 +32,8 @@ pub(super) fn put(usart: Usart, character: u8) {
 
 /// Takes back what it has not begun to send. H7 has a FIFO, which can be emptied; F7 has one character, and keeps it.
 pub(super) fn empty(usart: Usart) {
-    #[cfg(feature = "nucleo-h753zi")]
+    #[cfg(any(feature = "nucleo-h753zi", feature = "nucleo-g474re"))]
     usart.rqr().write(|request| request.set_txfrq(true));
-    #[cfg(not(feature = "nucleo-h753zi"))]
+    #[cfg(not(any(feature = "nucleo-h753zi", feature = "nucleo-g474re")))]
     let _ = usart;
 }

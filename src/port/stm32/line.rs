@@ -9,7 +9,7 @@ use embassy_stm32::usart::{self, BufferedUart, Config, ConfigError, DataBits, St
 use embedded_io_async::{BufRead, ErrorType, Read, Write};
 use puente_line::{Parity, Settings};
 
-use super::driver_enable::{DriverEnable, Raised};
+use super::driver_enable::DriverEnable;
 use super::receiver::{Error, Receiver};
 use super::registers;
 use super::transmitter::Transmitter;
@@ -38,7 +38,7 @@ pub struct Line {
 }
 
 /// The driver's settings. It adds the parity bit to the word length itself, as the hardware counts it.
-pub(super) fn config(settings: Settings) -> Result<Config, ConfigError> {
+pub(in crate::port) fn config(settings: Settings) -> Result<Config, ConfigError> {
     let mut config = Config::default();
     config.baudrate = settings.baud.max(1);
     config.data_bits = match settings.format.data_bits {
@@ -145,7 +145,9 @@ impl Write for Writer<'_> {
             });
             // None where the line has become free meanwhile.
             if let Some(length) = taken.await {
-                raised.map(Raised::sent);
+                if let Some(raised) = raised {
+                    raised.sent();
+                }
                 return Ok(length);
             }
         }
@@ -165,7 +167,7 @@ impl LineWriter for Writer<'_> {
 
 /// One USART and its pins, ready to become a [`Line`].
 macro_rules! rs485 {
-    ($module:ident, $usart:ident, tx $tx:ident, rx $rx:ident, de $de:ident) => {
+    ($module:ident, $usart:ident, tx $tx:ident, rx $rx:ident, de $de:ident, $priority:ident) => {
         pub mod $module {
             use embassy_stm32::interrupt::typelevel::{self, Handler};
             use embassy_stm32::interrupt::{InterruptExt, Priority};
@@ -211,17 +213,16 @@ macro_rules! rs485 {
 
             /// The USART and its pins.
             pub struct Parts {
-                pub(in crate::port::nucleo) usart: Peri<'static, $usart>,
-                pub(in crate::port::nucleo) tx: Peri<'static, $tx>,
-                pub(in crate::port::nucleo) rx: Peri<'static, $rx>,
-                pub(in crate::port::nucleo) de: Peri<'static, $de>,
+                pub(in crate::port) usart: Peri<'static, $usart>,
+                pub(in crate::port) tx: Peri<'static, $tx>,
+                pub(in crate::port) rx: Peri<'static, $rx>,
+                pub(in crate::port) de: Peri<'static, $de>,
             }
 
             impl Parts {
                 /// Opens the line. Refuses a baud rate or format that the USART cannot do.
                 pub fn open(self, settings: Settings) -> Result<Line, ConfigError> {
-                    // Above everything: F4 and F7 have room for one character only.
-                    interrupt::$usart.set_priority(Priority::P0);
+                    interrupt::$usart.set_priority(Priority::$priority);
                     let buffers = Buffers { sent: SENT.take(), received: RECEIVED.take() };
                     let config = config(settings)?;
                     let uart =
@@ -236,5 +237,11 @@ macro_rules! rs485 {
     };
 }
 
-rs485!(a, USART2, tx PD5, rx PD6, de PD4);
-rs485!(b, UART7, tx PE8, rx PE7, de PE9);
+// Above everything: F4 and F7 have room for one character only.
+#[cfg(network)]
+rs485!(a, USART2, tx PD5, rx PD6, de PD4, P0);
+#[cfg(network)]
+rs485!(b, UART7, tx PE8, rx PE7, de PE9, P0);
+// Below the loop of the axis, for G4 has a FIFO.
+#[cfg(feature = "nucleo-g474re")]
+rs485!(c, USART1, tx PC4, rx PC5, de PA12, P1);

@@ -8,7 +8,7 @@ use static_cell::ConstStaticCell;
 
 use super::backlog;
 use super::doors::Post;
-use super::limits::SLOTS;
+use crate::port::embedded::limits::SLOTS;
 use crate::port::{self, Door, Peer};
 
 /// A peer is asked for a sign of life after this silence,

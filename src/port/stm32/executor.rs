@@ -1,5 +1,5 @@
-//! Two executors: that of the network in thread mode, and that of the bus tasks in an interrupt, so that no amount of
-//! network traffic delays a bus.
+//! Two executors: one in thread mode, for the network where there is one, and that of the bus tasks in an interrupt, so
+//! that no amount of network traffic delays a bus.
 
 use embassy_executor::{Executor, InterruptExecutor, SendSpawner, Spawner};
 use embassy_stm32::interrupt;
@@ -20,7 +20,7 @@ pub fn run(start: impl FnOnce(Spawner)) -> ! {
 }
 
 /// Starts the executor of the bus tasks. The interrupt is SAI1's, which every board has and nothing here uses.
-pub(super) fn start() -> SendSpawner {
+pub(in crate::port) fn start() -> SendSpawner {
     interrupt::SAI1.set_priority(Priority::P6);
     BUSES.start(interrupt::SAI1)
 }

@@ -8,151 +8,18 @@
 //! the first station to the last of the jam: up to two characters until the first wrong one is heard, one that is under way
 //! then, four of jam, and the turn-around of the transceivers. Then stations that have drawn different slots do not meet.
 
-use core::fmt;
+mod types;
+
 use core::time::Duration;
 
-use puente_line::{Instant, Settings};
+use puente_line::Instant;
+
+pub use types::{Action, Config, Echo, Failure, Policy, Precedence, Statistics};
 
 use crate::Random;
-use crate::frame::MAX_FRAME;
 
 /// What follows a collision: the thesis' four bytes.
 pub const JAM: [u8; 4] = [0xAA; 4];
-
-/// How a station behaves on the line; all on a line alike.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Config {
-    /// Baud rate and format.
-    pub line: Settings,
-    /// Silence before a frame, the inter-packet gap.
-    pub gap: Duration,
-    /// Unit of the back-off.
-    pub slot: Duration,
-    /// What a station adds to the gap after a frame of its own. IEEE 802.3 has no such thing, and there a station that has
-    /// just sent meets all that waited for it without a back-off, wins again and again, and starves them. With a slot,
-    /// those that wait come first, and so does the answer to the frame.
-    pub rest: Duration,
-    /// Collisions in a row after which a frame is given up, at least 1.
-    pub attempts: u8,
-    /// How the back-off grows.
-    pub policy: Policy,
-}
-
-impl Config {
-    /// For a line: a gap of 2 characters, a slot of 8, a slot of rest, 16 attempts, [`Policy::Truncated`].
-    pub fn new(line: Settings) -> Self {
-        Self {
-            line,
-            gap: line.wire_time(2),
-            slot: line.wire_time(8),
-            rest: line.wire_time(8),
-            attempts: 16,
-            policy: Policy::Truncated,
-        }
-    }
-
-    /// No frame is longer, and what collides with it ends with it: a line that has been in use for so long without a gap
-    /// is held by something that is no station.
-    pub fn patience(&self) -> Duration {
-        self.line.wire_time(2 * MAX_FRAME)
-    }
-}
-
-/// How long a station waits after its n-th collision in a row.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Policy {
-    /// Truncated binary exponential back-off, as in IEEE 802.3: r slots, r uniform below 2^min(n, 10).
-    Truncated,
-    /// CW x random x gap, where the contention window CW is 1 at first, doubles with each collision without a limit, and
-    /// random is uniform from 0 to 1. The thesis' code has (CW - 1) x rand() x IPG, never sets CW back and has its first
-    /// value in a file that is not printed; its comment has CW x rand() x slot. Here CW begins anew with each frame.
-    Thesis,
-}
-
-impl Policy {
-    fn backoff(self, collisions: u8, config: &Config, random: &mut Random) -> Duration {
-        match self {
-            Self::Truncated => config.slot.saturating_mul(random.bits(u32::from(collisions).min(10))),
-            Self::Thesis => {
-                let window = 1_u128 << u32::from(collisions).min(64);
-                let gaps = window * u128::from(random.next());
-                let micros = config.gap.as_micros().saturating_mul(gaps) >> 32;
-                Duration::from_micros(u64::try_from(micros).unwrap_or(u64::MAX))
-            }
-        }
-    }
-}
-
-/// The last frame is still in work.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Busy;
-
-impl fmt::Display for Busy {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("the station has a frame in work")
-    }
-}
-
-impl core::error::Error for Busy {}
-
-/// Why a frame did not get onto the line. The station can be used as before.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Failure {
-    /// Every attempt collided.
-    Collisions {
-        /// So many.
-        attempts: u8,
-    },
-    /// The line has been in use without a gap for [`Config::patience`], since the frame came.
-    LineHeld,
-    /// The station does not hear itself. One that cannot listen must not talk, so it does not try again, and keeps quiet for
-    /// [`Config::patience`] whatever it is given.
-    NoEcho,
-}
-
-impl fmt::Display for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Collisions { attempts } => write!(f, "{attempts} attempts in a row collided"),
-            Self::LineHeld => f.write_str("something holds the line without a gap"),
-            Self::NoEcho => {
-                f.write_str("the station does not hear itself; is its receiver on while it sends?")
-            }
-        }
-    }
-}
-
-impl core::error::Error for Failure {}
-
-/// What the caller has to do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Action<'a> {
-    /// Send these bytes, now and without a pause, and keep listening.
-    Transmit(&'a [u8]),
-    /// Stop sending, with the character that is under way, and send this instead.
-    Jam(&'static [u8]),
-    /// The frame is done.
-    Done(Result<(), Failure>),
-    /// Nothing until something is heard, or the time of [`Arbiter::poll_at`].
-    Idle,
-}
-
-/// Events since start-up, each modulo 2^32.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Statistics {
-    /// Frames that got onto the line whole.
-    pub frames: u32,
-    /// Times that a frame was begun.
-    pub attempts: u32,
-    /// Attempts that collided, or met noise, which looks alike.
-    pub collisions: u32,
-    /// Frames that found the line in use when they came.
-    pub deferrals: u32,
-    /// All back-offs together.
-    pub backoff: Duration,
-    /// Frames given up.
-    pub losses: u32,
-}
 
 /// When a station talks.
 ///
@@ -162,6 +29,7 @@ pub struct Arbiter<const N: usize> {
     config: Config,
     random: Random,
     frame: heapless::Vec<u8, N>,
+    precedence: Precedence,
     state: State,
     /// Since when, or from when on, the line is silent.
     quiet_from: Instant,
@@ -203,6 +71,7 @@ impl<const N: usize> Arbiter<N> {
             config,
             random: Random::new(seed),
             frame: heapless::Vec::new(),
+            precedence: Precedence::Ordinary,
             state: State::Idle,
             quiet_from: now,
             busy_from: now,
@@ -225,12 +94,14 @@ impl<const N: usize> Arbiter<N> {
     pub fn submit<E>(
         &mut self,
         now: Instant,
+        precedence: Precedence,
         write: impl FnOnce(&mut heapless::Vec<u8, N>) -> Result<(), E>,
     ) -> Result<(), Option<E>> {
         let State::Idle = self.state else {
             return Err(None);
         };
         write(&mut self.frame).map_err(Some)?;
+        self.precedence = precedence;
         self.state = State::Waiting { collisions: 0, backoff: Backoff::Until(now.max(self.rested_at)) };
         if now < self.gap_ends() {
             count(&mut self.statistics.deferrals);
@@ -245,32 +116,62 @@ impl<const N: usize> Arbiter<N> {
         !matches!(self.state, State::Idle)
     }
 
+    /// Whether it is not on the line, for good or until its next attempt.
+    pub const fn is_waiting(&self) -> bool {
+        matches!(self.state, State::Waiting { .. })
+    }
+
     /// Whether its outcome waits to be fetched.
     pub const fn is_finished(&self) -> bool {
         matches!(self.state, State::Finished(_))
     }
 
+    /// The frame in work, or the last one.
+    pub fn frame(&self) -> &[u8] {
+        &self.frame
+    }
+
+    /// Gives up a frame that is not on the line, for good or until its next attempt; false where there is none.
+    pub fn withdraw(&mut self) -> bool {
+        let waits = self.is_waiting();
+        if waits {
+            self.state = State::Idle;
+        }
+        waits
+    }
+
+    /// Puts another frame in the place of one that is not on the line. It waits as that one would have. False where there
+    /// is none, and where `write` fails, after which there is none any more.
+    pub fn rewrite<E>(&mut self, write: impl FnOnce(&mut heapless::Vec<u8, N>) -> Result<(), E>) -> bool {
+        if !self.is_waiting() {
+            return false;
+        }
+        let written = write(&mut self.frame).is_ok();
+        if !written {
+            self.state = State::Idle;
+        }
+        written
+    }
+
     /// Takes a byte that the line said, the echo of what is sent too, at its end.
     pub fn receive(&mut self, now: Instant, byte: u8) {
         self.hear(now, now);
-        if let State::Transmitting { collisions, echoed, deadline } = self.state {
+        if let (State::Transmitting { collisions, echoed, deadline }, Echo::Compared) =
+            (self.state, self.config.echo)
+        {
             let echoed = if self.frame.get(echoed) == Some(&byte) { Some(echoed + 1) } else { None };
-            self.state = match echoed {
-                Some(echoed) if echoed == self.frame.len() => {
-                    count(&mut self.statistics.frames);
-                    self.rested_at = now + self.config.gap + self.config.rest;
-                    State::Finished(Ok(()))
-                }
-                Some(echoed) => State::Transmitting { collisions, echoed, deadline },
-                None => State::Collided { collisions },
-            };
+            match echoed {
+                Some(echoed) if echoed == self.frame.len() => self.succeed(now),
+                Some(echoed) => self.state = State::Transmitting { collisions, echoed, deadline },
+                None => self.state = State::Collided { collisions },
+            }
         }
     }
 
     /// The line reported a parity, framing or overrun error.
     pub fn line_error(&mut self, now: Instant) {
         self.hear(now, now);
-        if let State::Transmitting { collisions, .. } = self.state {
+        if let (State::Transmitting { collisions, .. }, Echo::Compared) = (self.state, self.config.echo) {
             self.state = State::Collided { collisions };
         }
     }
@@ -286,7 +187,7 @@ impl<const N: usize> Arbiter<N> {
         self.elapse(now);
         match self.state {
             State::Waiting { collisions, backoff: Backoff::Until(until) }
-                if now >= until.max(self.gap_ends()) =>
+                if now >= until.max(self.turn()) =>
             {
                 self.transmit(now, collisions)
             }
@@ -306,6 +207,10 @@ impl<const N: usize> Arbiter<N> {
     /// Does what time alone brings about.
     pub(crate) fn elapse(&mut self, now: Instant) {
         match self.state {
+            State::Transmitting { deadline, .. } if now >= deadline && self.config.echo == Echo::None => {
+                self.quiet_from = self.quiet_from.max(deadline);
+                self.succeed(deadline);
+            }
             State::Transmitting { echoed: 0, deadline, .. } if now >= deadline => {
                 self.rested_at = now + self.config.patience();
                 self.lose(Failure::NoEcho);
@@ -316,9 +221,9 @@ impl<const N: usize> Arbiter<N> {
             _ => {}
         }
         if let State::Waiting { collisions, backoff: Backoff::For(time) } = self.state
-            && now >= self.gap_ends()
+            && now >= self.turn()
         {
-            let until = self.gap_ends() + time;
+            let until = self.turn() + time;
             self.state = State::Waiting { collisions, backoff: Backoff::Until(until) };
         }
     }
@@ -327,8 +232,8 @@ impl<const N: usize> Arbiter<N> {
     pub fn poll_at(&self) -> Option<Instant> {
         match self.state {
             State::Idle => None,
-            State::Waiting { backoff: Backoff::For(_), .. } => Some(self.gap_ends()),
-            State::Waiting { backoff: Backoff::Until(until), .. } => Some(until.max(self.gap_ends())),
+            State::Waiting { backoff: Backoff::For(_), .. } => Some(self.turn()),
+            State::Waiting { backoff: Backoff::Until(until), .. } => Some(until.max(self.turn())),
             State::Transmitting { deadline, .. } => Some(deadline),
             State::Jamming { until, .. } => Some(until),
             State::Collided { .. } | State::Finished(_) => Some(Instant::ZERO),
@@ -345,6 +250,14 @@ impl<const N: usize> Arbiter<N> {
         self.quiet_from + self.config.gap
     }
 
+    /// When the frame may go, if nothing more is heard.
+    fn turn(&self) -> Instant {
+        match self.precedence {
+            Precedence::Answer => self.gap_ends(),
+            Precedence::Ordinary => self.gap_ends() + self.config.deference,
+        }
+    }
+
     /// The line is in use now, and until `until`.
     fn hear(&mut self, now: Instant, until: Instant) {
         if now >= self.gap_ends() {
@@ -359,10 +272,20 @@ impl<const N: usize> Arbiter<N> {
 
     fn transmit(&mut self, now: Instant, collisions: u8) -> Action<'_> {
         count(&mut self.statistics.attempts);
-        // A slot more, for what is between us and the line.
-        let deadline = now + self.config.line.wire_time(self.frame.len()) + self.config.slot;
+        let mut deadline = now + self.config.line.wire_time(self.frame.len());
+        if self.config.echo == Echo::Compared {
+            // A slot more, for what is between us and the line.
+            deadline += self.config.slot;
+        }
         self.state = State::Transmitting { collisions, echoed: 0, deadline };
         Action::Transmit(&self.frame)
+    }
+
+    /// The frame has been on the line, whole.
+    fn succeed(&mut self, now: Instant) {
+        count(&mut self.statistics.frames);
+        self.rested_at = now + self.config.gap + self.config.rest;
+        self.state = State::Finished(Ok(()));
     }
 
     /// The attempt is over; another one follows, or not.

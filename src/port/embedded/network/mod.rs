@@ -1,15 +1,26 @@
 //! TCP/IP over a board's Ethernet.
 
+mod address;
+mod backlog;
+mod doors;
+#[cfg(feature = "test-hooks")]
+mod echo;
+mod mdns;
+mod socket;
+
 use embassy_executor::Spawner;
 use embassy_net::driver::Driver;
 use embassy_net::{Config, Runner, Stack, StackResources};
 use static_cell::StaticCell;
 
-use super::address::{Address, join};
-use super::backlog::Patient;
-use super::limits::SLOTS;
-use super::socket::{Place, Ports, places};
+pub use address::Address;
+pub(in crate::port) use backlog::Patient;
+pub use socket::{Place, Socket};
+
 use crate::port::Link;
+use crate::port::embedded::limits::SLOTS;
+use address::join;
+use socket::{Ports, places};
 
 /// One for every client, one for DHCP, one for mDNS; one more for the echo in images for tests.
 const SOCKETS: usize = SLOTS + 2 + cfg!(feature = "test-hooks") as usize;
@@ -46,6 +57,6 @@ impl Network {
         let join = join(self.0, address, Ports { main, modbus });
         spawner.spawn(join.expect("the network is joined once"));
         #[cfg(feature = "test-hooks")]
-        spawner.spawn(super::echo::serve(self.0).expect("the network is joined once"));
+        spawner.spawn(echo::serve(self.0).expect("the network is joined once"));
     }
 }

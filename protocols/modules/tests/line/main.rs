@@ -1,0 +1,6 @@
+//! Gateways and modules on a line that judges.
+
+mod cycle;
+mod rig;
+mod rivals;
+mod thesis;

@@ -1,0 +1,65 @@
+//! A framed cell on its ports.
+
+use std::io;
+use std::os::fd::AsFd;
+use std::time::Duration;
+
+use puente_line::Instant;
+
+use super::{Port, Received, wait};
+use crate::framed::Cell;
+
+/// So long the ports of a framed cell wait at least, unless something comes: a character may take less than the system to
+/// wait for it. What is heard is late by so much at most.
+const REST: Duration = Duration::from_micros(100);
+
+/// The ports of a framed cell, and the clock that it goes by.
+pub struct Ports {
+    ports: Vec<Port>,
+    start: std::time::Instant,
+    buffer: Vec<u8>,
+}
+
+impl Ports {
+    /// One for each port of the cell, whose clock starts now.
+    pub fn new(ports: Vec<Port>) -> Self {
+        Self { ports, start: std::time::Instant::now(), buffer: Vec::new() }
+    }
+
+    /// The time.
+    pub fn now(&self) -> Instant {
+        Instant::from_micros(self.start.elapsed().as_micros() as u64)
+    }
+
+    /// Carries what has come from the ports to the cell, and what has been on the line to the ports.
+    pub fn carry(&mut self, cell: &mut Cell) -> io::Result<()> {
+        for at in 0..self.ports.len() {
+            loop {
+                let received = self.ports[at].receive(&mut self.buffer)?;
+                let now = self.now();
+                if !self.buffer.is_empty() {
+                    cell.receive(at, now, &self.buffer);
+                    self.buffer.clear();
+                }
+                match received {
+                    Received::Bytes => {}
+                    Received::Discard => cell.discard(at, now),
+                    Received::Nothing => break,
+                }
+            }
+        }
+        let now = self.now();
+        for (at, port) in self.ports.iter_mut().enumerate() {
+            if let Some(bytes) = cell.poll(at, now) {
+                port.write(&bytes)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits until something comes, or until `at`, when the cell has to be polled.
+    pub fn wait(&self, at: Option<Instant>) -> io::Result<()> {
+        let most = at.map(|at| at.since(self.now()).max(REST));
+        wait(self.ports.iter().map(AsFd::as_fd), most)
+    }
+}
