@@ -63,6 +63,21 @@ pub(super) async fn serve<R: Read, W: Write>(
     client.attend(inbox).await.unwrap_or_else(|end| end)
 }
 
+/// What a refusal tells of a frame.
+#[derive(Clone, Copy)]
+struct Subject {
+    origin: u8,
+    lrc: u8,
+}
+
+impl Subject {
+    /// Of a frame, or of what was taken for one.
+    fn of(frame: &[u8]) -> Self {
+        let byte = |at: usize| frame.get(at).copied().unwrap_or_default();
+        Self { origin: byte(1), lrc: byte(frame.len().saturating_sub(2)) }
+    }
+}
+
 impl<'g, W: Write> Client<'g, '_, W> {
     async fn attend<R: Read>(&mut self, inbox: &mut Inbox<'_, R>) -> Result<End, End> {
         let mut said = clock::now();
@@ -98,7 +113,7 @@ impl<'g, W: Write> Client<'g, '_, W> {
                 Found::Partial(length) | Found::Damaged(length) => {
                     if refused == 0 {
                         let bytes = inbox.data();
-                        self.refuse(Sender::of(bytes.get(..length).unwrap_or(bytes)), Reason::Meaningless)
+                        self.refuse(Subject::of(bytes.get(..length).unwrap_or(bytes)), Reason::Meaningless)
                             .await?;
                         refused = length;
                     }
@@ -160,17 +175,17 @@ impl<'g, W: Write> Client<'g, '_, W> {
             gateway.axes.halt(self.guest.commander(), bus, &frame);
         }
         let mut turn = self.during(inbox, pin!(gateway.desk.turn(self.guest.seat))).await?;
-        let (sender, judged) = self.load(inbox, length, &turn).await?;
+        let (subject, judged) = self.load(inbox, length, &turn).await?;
         let FrameRuling { permits, stop } = match judged {
             Ok(ruling) => ruling,
-            Err(reason) => return self.refuse(sender, reason).await,
+            Err(reason) => return self.refuse(subject, reason).await,
         };
         turn.send(permits.clone(), stop);
         let outcome = self.during(inbox, pin!(turn.outcome())).await?;
         gateway.axes.frame_ended(&permits, outcome.is_ok());
         match outcome {
             Ok(()) => Ok(()),
-            Err(undelivered) => self.refuse(sender, reason(undelivered)).await,
+            Err(undelivered) => self.refuse(subject, reason(undelivered)).await,
         }
     }
 
@@ -180,7 +195,7 @@ impl<'g, W: Write> Client<'g, '_, W> {
         inbox: &mut Inbox<'_, R>,
         length: usize,
         turn: &Turn<'_>,
-    ) -> Result<(Sender, Result<FrameRuling, Reason>), End> {
+    ) -> Result<(Subject, Result<FrameRuling, Reason>), End> {
         let mut place = turn.frame().await;
         place.clear();
         loop {
@@ -198,11 +213,11 @@ impl<'g, W: Write> Client<'g, '_, W> {
                     .await
                     .map_or(Ok(false), |filled| filled.map(|()| true))?;
             if !more {
-                return Ok((Sender::of(&place), Err(Reason::Meaningless)));
+                return Ok((Subject::of(&place), Err(Reason::Meaningless)));
             }
         }
-        let sender = Sender::of(&place);
-        Ok((sender, self.judge(inbox.ended(), &mut place)))
+        let subject = Subject::of(&place);
+        Ok((subject, self.judge(inbox.ended(), &mut place)))
     }
 
     fn judge(&mut self, gone: bool, bytes: &mut [u8]) -> Result<FrameRuling, Reason> {
@@ -223,9 +238,9 @@ impl<'g, W: Write> Client<'g, '_, W> {
     }
 
     /// Tells the client that its frame was not sent.
-    async fn refuse(&mut self, sender: Sender, reason: Reason) -> Result<(), End> {
-        let to = if matches!(sender.origin, NOBODY | TRAILER) { self.station } else { sender.origin };
-        self.tell(to, &[sender.lrc], reason).await
+    async fn refuse(&mut self, subject: Subject, reason: Reason) -> Result<(), End> {
+        let to = if matches!(subject.origin, NOBODY | TRAILER) { self.station } else { subject.origin };
+        self.tell(to, &[subject.lrc], reason).await
     }
 
     /// Sends the client a negative acknowledgement.

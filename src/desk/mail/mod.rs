@@ -22,7 +22,7 @@ use puente_line::Instant;
 pub use turn::Turn;
 
 use super::lease::AxisLease;
-use super::{BusQueue, Desk, Permit, Units};
+use super::{BusImage, Desk, Permit, Units};
 use crate::bus::{Post, Undelivered};
 use crate::port::limits::{AXES, SLOTS};
 use heard::{Heard, Mark, Next};
@@ -178,6 +178,11 @@ impl Mail {
 }
 
 impl Desk {
+    /// Clients' frames go to this bus. Before anything else, after [`configure`](Desk::configure).
+    pub fn send_frames_to(&self, bus: u8) {
+        self.with(|state| state.mail.bus = Some(bus));
+    }
+
     /// The framed bus that clients' frames go to, if there is one.
     pub fn framed_bus(&self) -> Option<u8> {
         self.with(|state| state.mail.bus)
@@ -257,7 +262,7 @@ impl Drop for Follower<'_> {
     }
 }
 
-impl Post for BusQueue<'_> {
+impl Post for BusImage<'_> {
     fn outgoing(&self, now: Instant, take: impl FnOnce(&[u8]) -> bool) {
         let ready =
             self.desk.with(|state| state.mail.bus == Some(self.bus) && state.mail.take(&state.leases, now));

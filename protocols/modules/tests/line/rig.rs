@@ -68,7 +68,7 @@ impl GatewaySide {
                     return Some(Drive::Transmit(bytes.to_vec()));
                 }
                 master::Action::Jam(bytes) => return Some(Drive::Jam(bytes.to_vec())),
-                master::Action::Reported { axis, report } => self.reports.push((now, axis, report)),
+                master::Action::Reported { axis, report, .. } => self.reports.push((now, axis, report)),
                 master::Action::Event { axis, event } => self.events.push((axis, event)),
                 master::Action::Fell { axis, to } => self.fell.push((axis, to)),
                 master::Action::Missed { axis } => self.missed.push(axis),
