@@ -294,3 +294,6 @@ impl Post for BusImage<'_> {
         });
     }
 }
+
+#[cfg(test)]
+mod tests;
