@@ -21,7 +21,7 @@ const LATE: Duration = Duration::from_millis(500);
 
 /// What a pump works with.
 pub struct Setup {
-    /// How the master works.
+    /// How the master works, but for what the port takes.
     pub config: Config,
     /// The modules of the bus, in the order of the [`Image`].
     pub axes: heapless::Vec<Axis, AXES>,
@@ -43,7 +43,10 @@ enum Sending {
 /// Keeps the axes of a bus as the `image` wants them, for ever, and tells it what they are at. It listens while it talks.
 pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &impl Image) -> ! {
     let (mut reader, mut writer) = line.split();
-    let mut master = BusMaster::new(setup.config, setup.axes, clock::now(), setup.seed);
+    let mut config = setup.config;
+    config.station.arbiter.latency = reader.latency();
+    config.station.silence = config.station.arbiter.gap + reader.latency();
+    let mut master = BusMaster::new(config, setup.axes, clock::now(), setup.seed);
     let mut sending = Sending::Nothing;
     let mut buffer = [0; 64];
     let mut down = false;

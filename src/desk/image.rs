@@ -50,7 +50,7 @@ pub struct Input {
 }
 
 /// One axis of the image.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct View {
     /// What is wanted.
     pub wish: Wish,

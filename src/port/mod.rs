@@ -165,6 +165,12 @@ pub trait LineReader: Read {
     /// they come without a pause.
     fn expect(&mut self, _count: usize) {}
 
+    /// What is heard may come later than it was on the line by so much: what the port collects, or what is between it and
+    /// the line, on the way out and back together.
+    fn latency(&self) -> puente_line::Duration {
+        puente_line::Duration::ZERO
+    }
+
     /// Whether a character is arriving that has not been received yet; false where the port cannot tell.
     fn carrier(&self) -> bool {
         false

@@ -275,7 +275,7 @@ impl<const N: usize> Arbiter<N> {
         let mut deadline = now + self.config.line.wire_time(self.frame.len());
         if self.config.echo == Echo::Compared {
             // A slot more, for what is between us and the line.
-            deadline += self.config.slot;
+            deadline += self.config.slot + self.config.latency;
         }
         self.state = State::Transmitting { collisions, echoed: 0, deadline };
         Action::Transmit(&self.frame)

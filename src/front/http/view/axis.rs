@@ -79,7 +79,7 @@ pub(in crate::front::http) struct Pid<'a> {
 
 /// Who commands an axis, and for how long unless it goes on.
 #[derive(Serialize)]
-struct Lease {
+pub(in crate::front::http) struct Lease {
     holder: Text<Holder>,
     left_ms: u64,
 }

@@ -77,7 +77,7 @@ pub(in crate::front::http) struct Modbus<'a> {
 }
 
 #[derive(Serialize)]
-struct Counted {
+pub(super) struct Counted {
     submitted: u32,
     confirmed: u32,
     exceptions: u32,
@@ -91,7 +91,7 @@ struct Counted {
     waiting: usize,
     resting: usize,
     /// Mean time from queueing to reply, in µs; none before the first reply.
-    latency_mean_us: Option<u64>,
+    pub(super) latency_mean_us: Option<u64>,
     line: Line,
 }
 
@@ -190,7 +190,7 @@ impl<'a> Modbus<'a> {
 }
 
 impl Counted {
-    fn new(statistics: &Statistics) -> Self {
+    pub(super) fn new(statistics: &Statistics) -> Self {
         Self {
             submitted: statistics.submitted,
             confirmed: statistics.confirmed,
