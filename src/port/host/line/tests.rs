@@ -127,8 +127,7 @@ fn nothing_is_sent_where_the_line_is_not_there() {
     assert_eq!(error.kind(), io::ErrorKind::NotConnected);
 }
 
-/// A serial device keeps what it has not sent yet, and forgets it when it is told to. A pseudo-terminal sends at once, but
-/// for the time of a thread of the system, which is not always the quicker one.
+/// A pseudo-terminal has not sent what its other end has no room for.
 #[test]
 fn what_a_device_has_not_sent_is_dropped() {
     let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a pty");
@@ -137,18 +136,15 @@ fn what_a_device_has_not_sent_is_dropped() {
     let path = ptsname(&master, Vec::new()).expect("a name").into_string().expect("text");
     let mut line = line(&path);
     let (_, mut writer) = line.split();
+    let written = run(writer.write(&[b'x'; 20_000])).expect("sent");
+    writer.discard();
+    run(writer.write_all(b"jam")).expect("sent");
     let mut file = File::from(master);
-    let mut attempt = || {
-        run(writer.write_all(b"collided")).expect("sent");
-        writer.discard();
-        run(writer.write_all(b"jam")).expect("sent");
-        let mut got = Vec::new();
-        while !got.ends_with(b"jam") {
-            let mut buffer = [0; 64];
-            let count = file.read(&mut buffer).expect("bytes");
-            got.extend_from_slice(&buffer[..count]);
-        }
-        got == b"jam"
-    };
-    assert!((0..1000).any(|_| attempt()), "nothing was ever dropped");
+    let mut got = Vec::new();
+    while !got.ends_with(b"jam") {
+        let mut buffer = [0; 4096];
+        let count = file.read(&mut buffer).expect("bytes");
+        got.extend_from_slice(&buffer[..count]);
+    }
+    assert!(got.len() < written, "{} of {written} bytes", got.len());
 }
