@@ -71,12 +71,23 @@ pub trait Work {
 /// Frames of clients, which go on a framed bus beside what the master itself says.
 pub trait Post {
     /// Shows the frame that waits for the line, if there is one and it may still go; `take` tells whether the master has
-    /// taken it. To be called after [`Work::changed`], and whenever the master may take one.
-    fn outgoing(&self, now: Instant, take: impl FnOnce(&[u8]) -> bool);
-    /// What has become of the frame that was shown last.
+    /// taken it. To be called after [`Image::changed`], and whenever the master may take one.
+    fn outgoing(&self, now: Instant, take: impl FnOnce(&[u8]) -> Taken);
+    /// What has become of the frame that was taken last.
     fn posted(&self, outcome: Result<(), Undelivered>);
     /// A whole frame that is none of the master's own business.
     fn heard(&self, frame: &[u8]);
+}
+
+/// Whether a frame was taken for the line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Taken {
+    /// It was.
+    Yes,
+    /// It will be, when it is shown again.
+    NotYet,
+    /// It will never be.
+    Never(Undelivered),
 }
 
 /// Why a client's frame was not sent.

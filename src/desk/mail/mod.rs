@@ -23,7 +23,7 @@ pub use turn::Turn;
 
 use super::lease::AxisLease;
 use super::{BusImage, Desk, Permit, Units};
-use crate::bus::{Post, Undelivered};
+use crate::bus::{Post, Taken, Undelivered};
 use crate::port::limits::{AXES, SLOTS};
 use heard::{Heard, Mark, Next};
 
@@ -124,7 +124,9 @@ impl Mail {
         }
     }
 
-    fn end(&mut self, sender: Sender, outcome: Result<(), Undelivered>) {
+    /// What has become of the frame that the pump has.
+    fn end(&mut self, outcome: Result<(), Undelivered>) {
+        let Phase::Sending(sender) = self.phase else { return };
         let counter = match outcome {
             Ok(()) => &mut self.statistics.sent,
             Err(_) => &mut self.statistics.undelivered,
@@ -144,11 +146,10 @@ impl Mail {
         let Phase::Ready(sender) = self.phase else {
             return false;
         };
-        let may = self.permits.iter().all(|permit| permit.valid(leases, now));
-        if may {
-            self.phase = Phase::Sending(sender);
-        } else {
-            self.end(sender, Err(Undelivered::Stopped));
+        self.phase = Phase::Sending(sender);
+        let may = self.permits.iter().all(|permit| permit.commands(leases, now));
+        if !may {
+            self.end(Err(Undelivered::Stopped));
         }
         may
     }
@@ -263,26 +264,29 @@ impl Drop for Follower<'_> {
 }
 
 impl Post for BusImage<'_> {
-    fn outgoing(&self, now: Instant, take: impl FnOnce(&[u8]) -> bool) {
+    fn outgoing(&self, now: Instant, take: impl FnOnce(&[u8]) -> Taken) {
         let ready =
             self.desk.with(|state| state.mail.bus == Some(self.bus) && state.mail.take(&state.leases, now));
-        // Nobody else has it now.
-        if ready && !self.desk.outgoing.try_lock().is_ok_and(|frame| take(&frame)) {
-            self.desk.with(|state| state.mail.give_back());
+        if !ready {
+            return;
         }
+        // Nobody else has it now.
+        let taken = self.desk.outgoing.try_lock().map_or(Taken::NotYet, |frame| take(&frame));
+        self.desk.with(|state| match taken {
+            Taken::Yes => {}
+            Taken::NotYet => state.mail.give_back(),
+            Taken::Never(why) => state.mail.end(Err(why)),
+        });
     }
 
     fn posted(&self, outcome: Result<(), Undelivered>) {
         let frame = self.desk.outgoing.try_lock();
         self.desk.with(|state| {
-            let (Phase::Ready(sender) | Phase::Sending(sender)) = state.mail.phase else {
-                return;
-            };
-            if let (Ok(()), Ok(frame)) = (outcome, &frame) {
+            if let (Phase::Sending(_), Ok(()), Ok(frame)) = (state.mail.phase, outcome, &frame) {
                 // The station does not hear what it says itself, and another client may be whom it is for.
                 state.mail.keep(frame);
             }
-            state.mail.end(sender, outcome);
+            state.mail.end(outcome);
         });
     }
 

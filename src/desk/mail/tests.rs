@@ -55,7 +55,7 @@ fn shown(desk: &Desk) -> Option<std::vec::Vec<u8>> {
     let mut shown = None;
     bus(desk).outgoing(Instant::ZERO, |frame| {
         shown = Some(frame.to_vec());
-        true
+        Taken::Yes
     });
     shown
 }
@@ -104,7 +104,7 @@ fn a_frame_is_shown_once_and_its_client_hears_of_it() {
     let desk = desk();
     let bytes = frame(9, 17);
     let mut turn = put(&desk, 1, &bytes, Permits::new(), false);
-    bus(&desk).outgoing(Instant::ZERO, |_| false);
+    bus(&desk).outgoing(Instant::ZERO, |_| Taken::NotYet);
     assert!(poll(pin!(turn.outcome())).is_pending());
     assert_eq!(shown(&desk).as_deref(), Some(bytes.as_slice()));
     assert_eq!(shown(&desk), None);
@@ -113,6 +113,17 @@ fn a_frame_is_shown_once_and_its_client_hears_of_it() {
     assert_eq!(now(turn.outcome()), outcome);
     let counted = desk.mail_statistics();
     assert_eq!((counted.sent, counted.undelivered), (0, 1));
+}
+
+#[test]
+fn a_frame_that_can_never_go_is_given_back() {
+    let desk = desk();
+    let mut turn = put(&desk, 1, &frame(9, 17), Permits::new(), false);
+    bus(&desk).outgoing(Instant::ZERO, |_| Taken::Never(Undelivered::TooLong));
+    assert_eq!(now(turn.outcome()), Err(Undelivered::TooLong));
+    // Nobody's frame is on the line.
+    bus(&desk).posted(Ok(()));
+    assert_eq!(now(turn.outcome()), Err(Undelivered::TooLong));
 }
 
 /// Of the frames of a bus, only those of the framed one that clients use.
