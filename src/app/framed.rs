@@ -1,7 +1,7 @@
 //! What the settings say of framed buses, as those take it who work with it.
 
 use puente_drives::pid::Gains;
-use puente_framed::arbiter::{Echo, Policy};
+use puente_framed::arbiter::{self, Echo, Policy};
 use puente_framed::{section, station};
 use puente_line::Duration;
 use puente_modules::{Form, master, report, setting};
@@ -56,21 +56,29 @@ pub(super) fn axis(settings: &Settings, bus: usize, pid: &Pid) -> pid::Spec {
     pid::Spec { form: form(pid), within: within.max(SILENT) }
 }
 
+/// How every station of a bus behaves on the line.
+pub(super) fn manners(line: puente_line::Settings, framed: &settings::Framed) -> arbiter::Config {
+    let characters = |count: u16| line.wire_time(count.into());
+    arbiter::Config {
+        gap: characters(framed.ipg),
+        slot: characters(framed.slot),
+        rest: characters(framed.slot),
+        attempts: framed.attempts,
+        policy: match framed.policy {
+            settings::Policy::Truncated => Policy::Truncated,
+            settings::Policy::Thesis => Policy::Thesis,
+        },
+        ..arbiter::Config::new(line)
+    }
+}
+
 /// What the pump of a framed bus goes by; none where the bus is none.
 pub fn framed(settings: &Settings, index: u8, seed: u64) -> Option<(BusImage<'static>, Setup)> {
     let bus = settings.buses.get(usize::from(index))?;
     let framed = bus.framed()?;
     let line = line_settings(bus);
-    let characters = |count: u16| line.wire_time(count.into());
     let mut station = station::Config::new(framed.station, line, crate::port::limits::FRAME);
-    station.arbiter.gap = characters(framed.ipg);
-    station.arbiter.slot = characters(framed.slot);
-    station.arbiter.rest = characters(framed.slot);
-    station.arbiter.attempts = framed.attempts;
-    station.arbiter.policy = match framed.policy {
-        settings::Policy::Truncated => Policy::Truncated,
-        settings::Policy::Thesis => Policy::Thesis,
-    };
+    station.arbiter = manners(line, framed);
     station.arbiter.echo = match framed.echo {
         settings::Echo::Verify => Echo::Compared,
         settings::Echo::Off | settings::Echo::Strip => Echo::None,

@@ -5,14 +5,12 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use embassy_executor::Executor;
-use puente_modbus::Mode;
 use static_cell::StaticCell;
 
 use super::framed::framed;
 use super::options::{Action, Options, USAGE};
-use super::{
-    InForce, bus_task, framed_task, front_task, keeper_task, line_settings, modbus, mode, watch_task,
-};
+use super::simulated::simulated;
+use super::{InForce, bus_task, framed_task, front_task, keeper_task, line_settings, modbus, watch_task};
 use crate::clock;
 use crate::front::Gateway;
 use crate::port::host::{Doors, LineSpec, exact_timers, random, start_log};
@@ -93,13 +91,6 @@ fn lines(settings: &Settings) -> Result<Vec<LineSpec>, String> {
             .map_err(|error| format!("[[bus]] \"{}\" port: {error}", bus.name))
     };
     settings.buses.iter().map(line).collect()
-}
-
-/// The cell behind a simulated bus: a drive for each of its axes.
-fn simulated(settings: &Settings, bus: &Bus) -> puente_cell::Config {
-    let of_bus = settings.axes.iter().filter(|axis| axis.bus == bus.name);
-    let addresses: Vec<u8> = of_bus.map(|axis| axis.address).collect();
-    puente_cell::Config::new(mode(bus).unwrap_or(Mode::Ascii), line_settings(bus), &addresses)
 }
 
 fn run(options: &Options, base: Settings) -> ExitCode {

@@ -8,6 +8,8 @@ pub mod host;
 pub mod lamps;
 #[cfg(not(target_os = "none"))]
 mod options;
+#[cfg(not(target_os = "none"))]
+mod simulated;
 #[cfg(target_os = "none")]
 mod vital;
 

@@ -9,6 +9,7 @@ use core::fmt;
 use embedded_io_async::{Error, Read, Write};
 use embedded_storage_async::nor_flash::NorFlash;
 use puente_drives::pid::{Encoder, EncoderFault, Width, ssi};
+use puente_line::Settings;
 
 pub mod journal;
 pub mod record;
@@ -186,6 +187,17 @@ pub trait LineWriter: Write {
     fn discard(&mut self);
 }
 
+/// The bus of a PID interface module.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bus {
+    /// Baud rate and format.
+    pub line: Settings,
+    /// Silence before a frame, in characters.
+    pub gap: usize,
+    /// Unit of the back-off, in characters.
+    pub slot: usize,
+}
+
 /// How the encoder of a PID interface module tells where the axis is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feedback {
@@ -233,6 +245,12 @@ pub trait AxisIo {
     fn apply(&mut self, command: f32, enable: bool);
     /// Puts the reset by the watchdog off for another moment.
     fn feed(&mut self);
+}
+
+/// What an interrupt does again and again.
+pub trait Step: Sync {
+    /// Once.
+    fn step(&self);
 }
 
 /// What the lamps of a board show.

@@ -15,7 +15,7 @@ use embedded_io_async::{ErrorType, Read, Write};
 use puente_line::Settings;
 use puente_modbus::Mode;
 
-use super::sim::Sim;
+use super::sim::{Sim, Simulation};
 use super::tty;
 use crate::port::{LineReader, LineWriter, SerialLine};
 
@@ -27,7 +27,7 @@ const CONNECT: Duration = Duration::from_secs(2);
 #[derive(Clone, Debug)]
 pub enum LineSpec {
     /// In process.
-    Sim(puente_cell::Config),
+    Sim(Simulation),
     /// A serial device.
     Tty {
         /// Its path.
@@ -51,11 +51,7 @@ impl fmt::Display for BadPort {
 
 impl LineSpec {
     /// Reads the `port` of a bus; `sim` tells what the simulated cell is made of.
-    pub fn parse(
-        port: &str,
-        settings: Settings,
-        sim: impl FnOnce() -> puente_cell::Config,
-    ) -> Result<Self, BadPort> {
+    pub fn parse(port: &str, settings: Settings, sim: impl FnOnce() -> Simulation) -> Result<Self, BadPort> {
         if port == "sim" {
             return Ok(Self::Sim(sim()));
         }
@@ -79,7 +75,8 @@ impl LineSpec {
 
 /// Whether a bus can have this `port`. Whether there is such a device tells only its use.
 pub fn check_line(port: &str, settings: Settings) -> Result<(), BadPort> {
-    LineSpec::parse(port, settings, || puente_cell::Config::new(Mode::Ascii, settings, &[])).map(|_| ())
+    let nothing = || Simulation::Modbus(puente_cell::Config::new(Mode::Ascii, settings, &[]));
+    LineSpec::parse(port, settings, nothing).map(|_| ())
 }
 
 /// What a line is connected with at present.
@@ -155,7 +152,7 @@ impl Line {
             return Ok(wire);
         }
         let opened = match &self.spec {
-            LineSpec::Sim(config) => Ok(Wire::Sim(Rc::new(Sim::new(config.clone())))),
+            LineSpec::Sim(simulation) => Sim::new(simulation).map(|sim| Wire::Sim(Rc::new(sim))),
             LineSpec::Tty { path, settings } => {
                 tty::open(path, *settings).and_then(Async::new).map(|file| Wire::Tty(Rc::new(file)))
             }
@@ -237,6 +234,14 @@ impl LineReader for Reader<'_> {
     fn latency(&self) -> puente_line::Duration {
         LATENCY
     }
+
+    fn carrier(&self) -> bool {
+        match self.0.wire() {
+            Some(Wire::Sim(sim)) => sim.carrier(),
+            // The system does not tell.
+            _ => false,
+        }
+    }
 }
 
 /// The sending half.
@@ -259,10 +264,12 @@ impl Write for Writer<'_> {
 }
 
 impl LineWriter for Writer<'_> {
-    /// Of a serial device, what the system has of it. What is given to TCP, or to the simulated cell, is sent.
+    /// Of a serial device, what the system has of it. What is given to TCP is sent.
     fn discard(&mut self) {
-        if let Some(Wire::Tty(file)) = self.0.wire() {
-            tty::discard(&file);
+        match self.0.wire() {
+            Some(Wire::Tty(file)) => tty::discard(&file),
+            Some(Wire::Sim(sim)) => sim.discard(),
+            Some(Wire::Tcp(_)) | None => {}
         }
     }
 }

@@ -26,4 +26,5 @@ pub(super) use log::{log, logs};
 pub use net::{Doors, Place};
 pub use restart::restart;
 pub use scheduling::exact_timers;
+pub use sim::Simulation;
 pub use vital::{history, may_move, stack, temperature};

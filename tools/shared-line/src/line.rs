@@ -117,6 +117,11 @@ impl<N: Node> Line<N> {
         &mut self.seats[station].place
     }
 
+    /// Whether a character is arriving at a station, for a bit at least.
+    pub fn carrier(&self, station: usize) -> bool {
+        self.seats[station].receiver.since().is_some_and(|from| from + self.bit <= self.now)
+    }
+
     /// Bytes of a station that have not begun.
     pub fn pending(&self, station: usize) -> usize {
         self.seats[station].talk.as_ref().map_or(0, |talk| talk.bytes.len())
@@ -300,12 +305,12 @@ impl<N: Node> Line<N> {
     /// A station may do something.
     fn poll(&mut self, station: usize) -> Result<(), Violation> {
         let now = self.now;
+        let carrier = self.carrier(station);
         let seat = &mut self.seats[station];
         let sense = match seat.place.sense {
             Sense::StartBit => self.bit,
             Sense::Character => self.character,
         };
-        let carrier = seat.receiver.since().is_some_and(|from| from + self.bit <= now);
         if carrier && seat.place.sense == Sense::StartBit && !seat.place.deaf {
             seat.node.carrier(micros(now));
         }

@@ -245,23 +245,41 @@ function show(axis, data) {
   part("disable").setAttribute("aria-pressed", data.enabled === false);
 }
 
+const time = (us) => us == null ? "–" : `${(us / 1000).toFixed(us < 10_000 ? 2 : 1)} ms`;
+const modbus = {
+  "Requests": (s) => s.submitted, "Confirmed": (s) => s.confirmed, "No reply": (s) => s.no_reply,
+  "Not sent": (s) => s.expired + s.rested + s.stopped + s.line_down + s.queue_full, "Exceptions": (s) => s.exceptions,
+  "Mean latency": (s) => time(s.latency_mean_us), "Waiting": (s) => s.waiting, "Resting": (s) => s.resting,
+};
+const framed = {
+  "Cycles": (s) => s.cycles, "Failed": (s) => s.failed, "Overruns": (s) => s.overruns, "Reports missed": (s) => s.missed,
+  "Last cycle": (s) => time(s.last_cycle_us), "Longest cycle": (s) => time(s.longest_cycle_us),
+  "Collisions": (s) => s.line.collisions, "Given up": (s) => s.line.losses,
+};
+
+// A table for each kind of bus.
 function showBuses(buses) {
-  const rows = buses.map((bus) => {
-    const s = bus.statistics;
-    const unsent = s.expired + s.rested + s.stopped + s.line_down + s.queue_full;
-    const mean = s.latency_mean_us === null ? "–" : `${(s.latency_mean_us / 1000).toFixed(1)} ms`;
-    const cells = [bus.name, bus.protocol, `${bus.port} ${bus.baud} ${bus.format}`, s.submitted, s.confirmed,
-      s.no_reply, unsent, s.exceptions, mean, s.waiting, s.resting];
-    const row = document.createElement("tr");
-    cells.forEach((cell, index) => {
-      const td = row.insertCell();
-      td.textContent = index > 2 && typeof cell === "number" ? figure(cell) : cell;
-      td.className = index > 2 ? "n" : "";
-      if (index === 10 && cell) td.classList.add("hot");
-    });
-    return row;
-  });
-  $("buses").replaceChildren(...rows);
+  $("buses").replaceChildren(...[modbus, framed].map((columns) => {
+    const table = document.createElement("table");
+    const add = (row, tag, text, number) => {
+      const cell = row.appendChild(document.createElement(tag));
+      cell.textContent = text;
+      cell.className = number ? "n" : "";
+      return cell;
+    };
+    const head = table.createTHead().insertRow();
+    ["Bus", "Protocol", "Line", ...Object.keys(columns)].forEach((title, index) => { add(head, "th", title, index > 2).scope = "col"; });
+    for (const bus of buses.filter(({ protocol }) => (protocol === "framed") === (columns === framed))) {
+      const row = table.insertRow();
+      [bus.name, bus.protocol, `${bus.port} ${bus.baud} ${bus.format}`].forEach((text) => add(row, "td", text));
+      for (const [title, value] of Object.entries(columns)) {
+        const count = value(bus.statistics);
+        const cell = add(row, "td", typeof count === "number" ? figure(count) : count, true);
+        if (title === "Resting" && count) cell.classList.add("hot");
+      }
+    }
+    return table;
+  }).filter((table) => table.rows.length > 1));
 }
 
 function showSystem({ version, commit, uptime_ms, reset }) {

@@ -51,7 +51,8 @@ const pid = {
   },
 
   hear(axis, data) {
-    if (!axis.last) axis.part("move").target.value = data.position ?? "";
+    const { target } = axis.part("move");
+    if (axis.last?.position == null && !target.value) target.value = data.position ?? "";
     record(axis.trace, data);
     endArrived(axis, data);
   },

@@ -21,7 +21,7 @@ fn settings() -> Settings {
 }
 
 fn line(port: &str) -> Line {
-    let cell = || puente_cell::Config::new(Mode::Rtu, settings(), &[1]);
+    let cell = || Simulation::Modbus(puente_cell::Config::new(Mode::Rtu, settings(), &[1]));
     Line::new(LineSpec::parse(port, settings(), cell).expect("a line"))
 }
 

@@ -160,6 +160,12 @@ impl Cell {
         (!heard.is_empty()).then_some(heard)
     }
 
+    /// Whether a character is arriving at a port.
+    pub fn carrier(&mut self, port: usize, now: Instant) -> bool {
+        self.run(now);
+        self.ports.get(port).is_some_and(|seat| self.line.carrier(*seat))
+    }
+
     /// When to poll again.
     pub fn poll_at(&self) -> Option<Instant> {
         self.line.poll_at()

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use puente_cell::framed::{Cell, Config};
 use puente_drives::pid::{Event, State};
-use puente_framed::arbiter::Statistics;
+use puente_framed::arbiter::{Precedence, Statistics};
 use puente_framed::frame::MAX_FRAME;
 use puente_framed::station::{self, Action};
 use puente_framed::{Class, Kind, Station, section};
@@ -107,12 +107,13 @@ impl Rig {
 
     fn ask(&mut self) {
         let (wants, form) = (&self.wants, self.form);
-        let posted = self.station.post_with(self.now, Kind::Single(Class::Data), |body| {
-            for (address, setting) in wants {
-                section::push(body, *address, &setting.emit(form).expect("it can be written"))?;
-            }
-            Ok(())
-        });
+        let posted =
+            self.station.post_with(self.now, Precedence::Ordinary, Kind::Single(Class::Data), |body| {
+                for (address, setting) in wants {
+                    section::push(body, *address, &setting.emit(form).expect("it can be written"))?;
+                }
+                Ok(())
+            });
         posted.expect("it is free");
     }
 

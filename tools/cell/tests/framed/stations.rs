@@ -90,6 +90,7 @@ fn stations_outside_hear_each_other_and_themselves() {
 fn what_is_dropped_is_not_on_the_line() {
     let mut cell = Cell::new(Config { ports: 2, ..config() }).expect("a cell");
     cell.receive(0, Instant::from_micros(100), b"abcdef");
+    assert!(!cell.carrier(1, Instant::from_micros(100)) && cell.carrier(1, Instant::from_micros(115)));
     cell.discard(0, Instant::from_micros(124));
     cell.receive(0, Instant::from_micros(124), b"X");
     let heard = cell.poll(1, Instant::from_millis(1)).expect("something");
