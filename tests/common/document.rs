@@ -52,6 +52,25 @@ impl Document {
         self
     }
 
+    /// With a framed bus.
+    pub fn framed<D>(mut self, name: &str, line: Settings, wire: &Wire<D>, more: &str) -> Self {
+        let Settings { baud, format } = line;
+        let keys = format!(
+            "name = \"{name}\"\nprotocol = \"framed\"\nbaud = {baud}\nformat = \"{format}\"\n{more}\n"
+        );
+        self.buses.push(Bus { place: wire.place.clone(), live: wire.live.clone(), keys });
+        self
+    }
+
+    /// With a PID module on a framed bus.
+    pub fn module(mut self, name: &str, bus: &str, address: u8, more: &str) -> Self {
+        let _ = write!(
+            self.axes,
+            "[[axis]]\nname = \"{name}\"\nbus = \"{bus}\"\ndrive = \"pid\"\naddress = {address}\n{more}\n"
+        );
+        self
+    }
+
     /// With an EDB drive on a bus, and `more` keys of its axis.
     pub fn axis(mut self, name: &str, bus: &str, address: u8, more: &str) -> Self {
         let _ = write!(
