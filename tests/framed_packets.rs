@@ -82,14 +82,15 @@ impl Rig {
     /// A console that has sent x far away.
     fn moving(&self) -> Lines {
         let mut commander = Lines::connect(self.gateway.main);
-        until("it is let in", || {
-            let enabled = commander.ask("axis x enable").starts_with("ok");
-            if !enabled {
+        // There may be no place yet, and a report may be late on a busy machine.
+        until("it is sent away", || {
+            let mut asked = |command: &str| commander.ask(command).starts_with("ok");
+            let sent = asked("axis x enable") && asked(&format!("axis x move {FAR}"));
+            if !sent {
                 commander = Lines::connect(self.gateway.main);
             }
-            enabled
+            sent
         });
-        commander.ok(&format!("axis x move {FAR}"));
         until("it moves", || {
             commander.ok("feed");
             self.table.position(AXIS) > 100.0
@@ -164,18 +165,18 @@ fn a_frame_that_stops_is_given_up() {
     assert_eq!(client.ask(&wish(A, OTHER, Control::Observe, 0.0)).origin, OTHER);
 }
 
-/// Who closes its side gets what it has asked for.
+/// Who closes its side gets what it has asked for, and then the connection ends.
 #[test]
 fn a_client_that_has_said_all_is_answered() {
     let rig = Rig::new();
-    let mut client = rig.client();
-    client.send(&wish(A, OTHER, Control::Observe, 0.0));
-    client.close();
-    // It has been asked for once, and may be late or lost on a busy machine.
-    if let Some(answer) = client.next_within(ms(20_000)) {
-        assert_eq!(answer.origin, OTHER);
-        assert_eq!(client.next_within(ms(20_000)), None);
-    }
+    until("it is answered", || {
+        let mut client = rig.client();
+        client.send(&wish(A, OTHER, Control::Observe, 0.0));
+        client.close();
+        let answer = client.next_within(ms(20_000));
+        assert!(client.next_within(ms(20_000)).is_none());
+        answer.is_some_and(|answer| answer.origin == OTHER)
+    });
 }
 
 /// Each gets what is for it, and nobody waits for ever.
@@ -292,20 +293,14 @@ fn without_a_framed_bus_every_packet_is_refused() {
     assert_eq!(answer.refusal(), Some((Reason::NoLine, lrc(&packet))));
 }
 
-/// A line on which the gateway does not hear itself, and then none at all. A board cannot tell one from the other.
+/// A line on which the gateway does not hear itself.
 #[test]
 fn a_line_that_does_not_work_is_told() {
-    let mut wire = common::wire::script(Mode::Rtu, line(), |_, _| Vec::new());
+    let wire = common::wire::script(Mode::Rtu, line(), |_, _| Vec::new());
     let document = Document::new().framed_wire("b", line(), &wire, KEYS);
     let gateway = document.module("x", "b", AXIS, "").start();
     let packet = wish(A, OTHER, Control::Observe, 0.0);
     let mut client = Packets::connect(gateway.main);
     client.send(&packet);
     assert_eq!(client.receive().refusal(), Some((Reason::NoEcho, lrc(&packet))));
-    wire.pull();
-    let reason = if target().is_board() { Reason::NoEcho } else { Reason::NoLine };
-    until("it is told", || {
-        client.send(&packet);
-        client.receive().refusal() == Some((reason, lrc(&packet)))
-    });
 }
