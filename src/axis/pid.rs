@@ -54,10 +54,11 @@ enum Awaited {
 impl Awaited {
     /// Whether it has come about, or why it will not.
     fn found(self, view: &View, within: Duration) -> Option<Result<(), AxisError>> {
-        let answer = view.answer();
+        let fresh = view.fresh(clock::now(), within);
+        let answer = view.answer().and(fresh);
         let state = answer.map(|report| report.state);
         let done = match self {
-            Awaited::Report => view.fresh(clock::now(), within).is_some(),
+            Awaited::Report => fresh.is_some(),
             Awaited::LetGo => view.wish == Wish::Observe && state.is_some(),
             Awaited::Held => view.wish == Wish::Hold && state == Some(State::Held),
             Awaited::Following => matches!(view.wish, Wish::Follow(..)) && state == Some(State::Enabled),
@@ -91,7 +92,9 @@ impl Module<'_> {
     async fn confirm(&self, awaited: Awaited) -> Result<(), AxisError> {
         let start = if awaited == Awaited::Held { START } else { Duration::ZERO };
         let within = self.spec.within;
-        let found = self.desk.until(self.axis, within + start, |view| awaited.found(view, within)).await;
+        // The answer comes after the report that may be on its way.
+        let most = within.saturating_mul(2) + start;
+        let found = self.desk.until(self.axis, most, |view| awaited.found(view, within)).await;
         found.unwrap_or_else(|| Err(self.silent()))
     }
 
