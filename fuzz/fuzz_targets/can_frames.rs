@@ -2,8 +2,10 @@
 #![no_main]
 
 use puente_canopen::emcy::Emergency;
+use puente_canopen::lss;
 use puente_canopen::monitor::{Action, Event, Supervision};
 use puente_canopen::nmt::{Command, Sign};
+use puente_canopen::pdo::{self, CobId, Mapped};
 use puente_canopen::time::TimeOfDay;
 use puente_canopen::{Frame, Id, Monitor, NodeId, cob, sync};
 use puente_fuzz::Operands;
@@ -46,6 +48,24 @@ libfuzzer_sys::fuzz_target!(|data: &[u8]| {
             assert_eq!(TimeOfDay::from_unix_millis(time.to_unix_millis()), Some(time));
         }
         let _ = sync::parse(cob::SYNC, &frame);
+        if let Some(request) = lss::Request::parse(&frame) {
+            assert_eq!(lss::Request::parse(&request.frame()), Some(request));
+        }
+        if let Some(response) = lss::Response::parse(&frame) {
+            assert_eq!(lss::Response::parse(&response.frame()), Some(response));
+        }
+        let cob_id = CobId::from_raw(u32::from(number) << 16 | u32::from(kind));
+        assert_eq!(CobId::from_raw(cob_id.raw()), cob_id);
+        let mapping = [
+            Mapped::new(1, 0, kind),
+            Mapped::new(2, 0, number as u8),
+            Mapped::new(3, 0, (number >> 8) as u8),
+        ];
+        let taken = pdo::values(&mapping, frame.data()).count();
+        let mut values = [kind; 8];
+        let fit =
+            mapping.iter().filter(|mapped| pdo::put(&mapping, &mut values, mapped.address, 0x5A5A)).count();
+        assert!(taken <= fit || frame.data().is_empty());
         now += operands.pause();
         monitor.receive(now, &frame);
         loop {

@@ -9,7 +9,7 @@ use std::task::Poll;
 
 use embassy_futures::select::{Either3, select3};
 use embedded_io_async::{ErrorType, Read, Write};
-use puente::axis::{Axes, AxisSpec};
+use puente::axis::{Axes, AxisSpec, DriveSpec, edb};
 use puente::bus::{End, Next, Work};
 use puente::desk::{BusQueue, BusSpec, Desk};
 use puente::front::Gateway;
@@ -123,8 +123,7 @@ fn gateway() -> &'static Gateway {
         bus: 0,
         bus_name: axis.bus.clone(),
         address: axis.address,
-        max_rpm: 3000,
-        registers: Default::default(),
+        drive: DriveSpec::Edb(edb::Spec { max_rpm: 3000, registers: Default::default() }),
     });
     let axes = Axes::new(&DESK, axes);
     let keeper = keeper::Keeper::new(Box::leak(Box::default()), Source::Factory, None, false);

@@ -2,8 +2,11 @@
 
 use embassy_executor::Spawner;
 
+use super::framed::framed;
 use super::vital::feeder_task;
-use super::{InForce, bus_task, front_task, keeper_task, lamps, line_settings, modbus, watch_task};
+use super::{
+    InForce, bus_task, framed_task, front_task, keeper_task, lamps, line_settings, modbus, watch_task,
+};
 use crate::clock;
 use crate::front::Gateway;
 use crate::port::embedded::Address;
@@ -73,10 +76,13 @@ fn buses(gateway: &'static Gateway, board: &mut Board) -> bool {
 #[inline(never)]
 fn bus(gateway: &'static Gateway, board: &mut Board, index: u8) -> bool {
     let Some(bus) = gateway.settings.buses.get(usize::from(index)) else { return false };
-    let Some(master) = modbus(gateway.settings, bus) else { return false };
     match board.lines.open(&bus.port, line_settings(bus)) {
         Ok(line) => {
-            board.buses.spawn(bus_task(gateway.desk, index, line, master).expect("one task a bus"));
+            if let Some(master) = modbus(gateway.settings, bus) {
+                board.buses.spawn(bus_task(gateway.desk, index, line, master).expect("one task a bus"));
+            } else if let Some((image, setup)) = framed(gateway.settings, index, board.seed) {
+                board.buses.spawn(framed_task(image, line, setup).expect("no more than are allowed"));
+            }
         }
         Err(error) => {
             log::error!("[[bus]] \"{}\" port: {error}", bus.name);

@@ -7,12 +7,13 @@ use std::process::ExitCode;
 use embassy_executor::Executor;
 use static_cell::StaticCell;
 
+use super::framed::framed;
 use super::options::{Action, Options, USAGE};
 use super::simulated::simulated;
-use super::{InForce, bus_task, front_task, keeper_task, line_settings, modbus, watch_task};
+use super::{InForce, bus_task, framed_task, front_task, keeper_task, line_settings, modbus, watch_task};
 use crate::clock;
 use crate::front::Gateway;
-use crate::port::host::{Doors, LineSpec, exact_timers, start_log};
+use crate::port::host::{Doors, LineSpec, exact_timers, random, start_log};
 use crate::port::{Flash, Line, Place, limits};
 use crate::settings::store::Store;
 use crate::settings::{Bus, Problem, Settings, VERSION};
@@ -143,11 +144,14 @@ fn end(gateway: &Gateway) {
 /// The thread of the buses, so that no client delays them.
 fn buses(gateway: &'static Gateway, lines: Vec<LineSpec>) -> ! {
     static EXECUTOR: StaticCell<Executor> = StaticCell::new();
+    let seed = random();
     EXECUTOR.init(Executor::new()).run(|spawner| {
         for ((index, spec), bus) in (0..).zip(lines).zip(&gateway.settings.buses) {
+            let line = Line::new(spec);
             if let Some(master) = modbus(gateway.settings, bus) {
-                let line = Line::new(spec);
                 spawner.spawn(bus_task(gateway.desk, index, line, master).expect("one task a bus"));
+            } else if let Some((image, setup)) = framed(gateway.settings, index, seed) {
+                spawner.spawn(framed_task(image, line, setup).expect("no more than are allowed"));
             }
         }
         for (axis, _) in gateway.axes.iter() {

@@ -2,6 +2,7 @@
 
 #[cfg(target_os = "none")]
 pub mod board;
+mod framed;
 #[cfg(not(target_os = "none"))]
 pub mod host;
 pub mod lamps;
@@ -17,10 +18,10 @@ use puente_line::Duration;
 use puente_modbus::{Config, Echo, Mode};
 use static_cell::{ConstStaticCell, StaticCell};
 
-use crate::axis::{Axes, AxisSpec};
-use crate::bus;
+use crate::axis::{Axes, AxisSpec, DriveSpec, edb};
+use crate::bus::{self, framed::Setup};
 use crate::clock;
-use crate::desk::{BusQueue, BusSpec, Desk, Units};
+use crate::desk::{BusImage, BusQueue, BusSpec, Desk, Units};
 use crate::front::{self, Gateway};
 use crate::port::{Flash, Line, Place, limits};
 use crate::settings::keeper::{self, Form, Keeper, Source};
@@ -101,22 +102,28 @@ pub fn build(settings: &'static Settings, keeper: &'static Keeper) -> &'static G
         }
     });
     DESK.configure(buses, millis(settings.net.lease_ms));
-    let axes = settings.axes.iter().map(|axis| {
-        let edb = match &axis.drive {
-            settings::Drive::Edb(edb) => edb.clone(),
-            settings::Drive::Pid(_) => settings::Edb::default(),
-        };
-        AxisSpec {
-            name: axis.name.clone(),
-            bus: settings.bus(&axis.bus).unwrap_or_default(),
-            bus_name: axis.bus.clone(),
-            address: axis.address,
-            max_rpm: edb.max_rpm,
-            registers: edb.registers,
-        }
-    });
-    let axes = Axes::new(&DESK, axes);
+    let axes = Axes::new(&DESK, (0..).zip(&settings.axes).map(|(id, axis)| axis_spec(settings, id, axis)));
     GATEWAY.init_with(|| Gateway::new(settings, &DESK, axes, keeper))
+}
+
+/// What the axes go by of one of them; a cyclic one is added to the desk's process image.
+fn axis_spec(settings: &Settings, id: u8, axis: &settings::Axis) -> AxisSpec {
+    let bus = settings.bus(&axis.bus).unwrap_or_default();
+    AxisSpec {
+        name: axis.name.clone(),
+        bus,
+        bus_name: axis.bus.clone(),
+        address: axis.address,
+        drive: match &axis.drive {
+            settings::Drive::Edb(edb) => {
+                DriveSpec::Edb(edb::Spec { max_rpm: edb.max_rpm, registers: edb.registers })
+            }
+            settings::Drive::Pid(pid) => {
+                DESK.add_cyclic(id, bus, framed::gains(pid));
+                DriveSpec::Pid(framed::axis(settings, usize::from(bus), pid))
+            }
+        },
+    }
 }
 
 fn millis(ms: u32) -> Duration {
@@ -170,6 +177,12 @@ fn drives_edb(settings: &Settings, bus: &settings::Bus) -> bool {
 #[embassy_executor::task(pool_size = limits::BUSES)]
 pub async fn bus_task(desk: &'static Desk, bus: u8, mut line: Line, master: Config) -> ! {
     bus::modbus::pump(&mut line, master, &BusQueue { desk, bus }).await
+}
+
+/// Drives one framed bus.
+#[embassy_executor::task(pool_size = limits::FRAMED)]
+pub async fn framed_task(image: BusImage<'static>, mut line: Line, setup: Setup) -> ! {
+    bus::framed::pump(&mut line, setup, &image).await
 }
 
 /// Stops one axis when its commander is gone.

@@ -1,13 +1,13 @@
 //! What is behind a bus whose port is `sim`.
 
 use puente_cell::framed::{self, ModuleConfig};
-use puente_framed::arbiter;
 use puente_modbus::Mode;
 use puente_modules::Form;
 
+use super::framed::manners;
 use super::{line_settings, mode};
 use crate::port::host::Simulation;
-use crate::settings::{Axis, Bus, Drive, Framed, Payload, Policy, Protocol, Settings};
+use crate::settings::{Axis, Bus, Drive, Framed, Payload, Protocol, Settings};
 
 /// A drive, or a module, for each axis of the bus.
 pub fn simulated(settings: &Settings, bus: &Bus) -> Simulation {
@@ -25,7 +25,6 @@ pub fn simulated(settings: &Settings, bus: &Bus) -> Simulation {
 /// Modules on axes of the TX8 table, with the manners that the gateway has.
 fn table<'a>(bus: &Bus, framed: &Framed, axes: impl Iterator<Item = &'a Axis>) -> framed::Config {
     let line = line_settings(bus);
-    let characters = |count: u16| line.wire_time(count.into());
     let module = |axis: &Axis| {
         let form = match &axis.drive {
             Drive::Pid(pid) if pid.payload == Payload::Binary => Form::Binary,
@@ -34,16 +33,7 @@ fn table<'a>(bus: &Bus, framed: &Framed, axes: impl Iterator<Item = &'a Axis>) -
         ModuleConfig { form, ..ModuleConfig::new(axis.address) }
     };
     framed::Config {
-        manners: arbiter::Config {
-            gap: characters(framed.ipg),
-            slot: characters(framed.slot),
-            rest: characters(framed.slot),
-            policy: match framed.policy {
-                Policy::Truncated => arbiter::Policy::Truncated,
-                Policy::Thesis => arbiter::Policy::Thesis,
-            },
-            ..arbiter::Config::new(line)
-        },
+        manners: manners(line, framed),
         modules: axes.map(module).collect(),
         echo: framed.echo != crate::settings::Echo::Off,
         ..framed::Config::new(line, &[])

@@ -2,8 +2,9 @@
 
 use core::fmt;
 
-use puente_drives::edb;
+use puente_drives::{edb, pid};
 use puente_modbus::Exception;
+use puente_modules::Refusal;
 
 use crate::desk::{Failure, Leased};
 
@@ -18,6 +19,16 @@ pub enum AxisError {
     NotEnabled,
     /// The drive shows an alarm, by its number.
     Alarm(u16),
+    /// The module is in a fault.
+    Fault(pid::Cause),
+    /// The module has not done what it was told.
+    Refused(Refusal),
+    /// There are no gains to hold the axis with.
+    NoGains,
+    /// The module takes text, and the digits of a gain do not fit.
+    GainDigits,
+    /// The drive has no such command; what it has, in words.
+    Unsupported(&'static str),
     /// A value out of range.
     Range {
         /// What was asked for.
@@ -43,6 +54,11 @@ impl AxisError {
             AxisError::Leased(Leased::Stopping) => "stopping",
             AxisError::NotEnabled => "not-enabled",
             AxisError::Alarm(_) => "alarm",
+            AxisError::Fault(_) => "fault",
+            AxisError::Refused(_) => "refused",
+            AxisError::NoGains => "no-gains",
+            AxisError::GainDigits => "gains",
+            AxisError::Unsupported(_) => "unsupported",
             AxisError::Range { .. } => "range",
             AxisError::Failure(Failure::NotSent(_)) => "not-sent",
             AxisError::Failure(Failure::NoReply(_)) => "no-reply",
@@ -80,6 +96,15 @@ impl fmt::Display for AxisError {
                     edb::alarm_name(*number).unwrap_or("undefined")
                 )
             }
+            AxisError::Fault(cause) => write!(f, "fault: {cause}; clear it first"),
+            AxisError::Refused(refusal) => write!(f, "the module refused: {refusal}"),
+            AxisError::NoGains => {
+                f.write_str("a Kp of 0 holds no axis; give it gains first: axis NAME gains KP KI KD")
+            }
+            AxisError::GainDigits => f.write_str(
+                "9 characters do not hold a gain to three digits, and the module takes text; payload = \"binary\" does",
+            ),
+            AxisError::Unsupported(instead) => f.write_str(instead),
             AxisError::Range { value, min, max } => write!(f, "{value} is out of range {min} to {max}"),
             AxisError::Failure(failure) => failure.fmt(f),
             AxisError::Exception(code) => match Exception::from_code(*code) {

@@ -3,35 +3,34 @@
 //! [`Axes`] finds an axis by its name, keeps what is known of it, and holds each command to the rules that every drive
 //! shares: the lease, no motion without `enable`, no jump on enabling, stop for everyone.
 
-mod edb;
+pub mod edb;
 mod error;
 mod link;
+pub mod pid;
 mod raw;
 
-use core::cell::RefCell;
-
-use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use heapless::{String, Vec};
-use puente_drives::edb::{Monitor, Parameter, Registers, Status};
-use puente_line::{Duration, Instant};
+use puente_drives::edb::Parameter;
+use puente_drives::pid::Gains;
+use puente_line::Duration;
 
 pub use error::AxisError;
 pub use raw::Ruling;
 
 use crate::clock;
-use crate::desk::{Cause, Class, Desk, Event, Failure, Holder, Reason};
+use crate::desk::{Cause, Class, Desk, Event, Holder, View};
 use crate::port::limits::AXES;
 use link::Link;
 
-type Shared<T> = Mutex<CriticalSectionRawMutex, RefCell<T>>;
 /// One sequence of writes at a time on an axis; a stop does not wait for it.
 type Turn = embassy_sync::mutex::Mutex<CriticalSectionRawMutex, ()>;
 
 /// So many stops without confirmation are told, and repeated soon; then more slowly.
 const STOP_ATTEMPTS: u32 = 10;
-/// Speed of a motor at rest, at most, in r/min: what is measured of a servo that holds its position may flicker.
-const STANDSTILL_RPM: u16 = 1;
+
+const NO_GAINS: &str = "an EDB drive has its own gains, as parameters: get and set";
+const NO_PARAMETERS: &str = "a PID module has no parameters; its gains are set by: gains";
 
 /// What the configuration says of an axis.
 #[derive(Clone, Debug)]
@@ -42,12 +41,19 @@ pub struct AxisSpec {
     pub bus: u8,
     /// Name of its bus.
     pub bus_name: String<16>,
-    /// Modbus address of the drive, 1 to 247.
+    /// Address of the drive on its bus.
     pub address: u8,
-    /// Highest speed that a jog may ask for, in r/min.
-    pub max_rpm: u16,
-    /// Where the drive keeps what.
-    pub registers: Registers,
+    /// What drives it.
+    pub drive: DriveSpec,
+}
+
+/// What drives an axis.
+#[derive(Clone, Copy, Debug)]
+pub enum DriveSpec {
+    /// An EDB servo drive on a Modbus bus.
+    Edb(edb::Spec),
+    /// A PID interface module on a framed bus, in the process image of the desk.
+    Pid(pid::Spec),
 }
 
 /// Who gives a command.
@@ -59,46 +65,41 @@ pub struct Commander {
     pub holder: Holder,
 }
 
-/// What the axis is doing, as far as the gateway's own confirmed writes tell.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Jog {
-    /// Neither direction is commanded.
-    Still,
-    /// Jogging at this speed in r/min, negative for reverse.
-    At(i16),
-    /// Not known: the gateway has just started, or a write was not confirmed.
-    Unknown,
-}
-
-/// Values read from a drive at one moment.
-#[derive(Clone, Copy, Debug)]
-pub struct Snapshot {
-    /// When the last of them arrived.
-    pub at: Instant,
-    /// Status word 0901h.
-    pub status: Status,
-    /// Monitor values.
-    pub monitor: Monitor,
-}
-
 /// What is known of an axis.
 #[derive(Clone, Copy, Debug)]
-pub struct Known {
-    /// Servo enabled through the gateway; none where not known.
-    pub enabled: Option<bool>,
-    /// Commanded jog.
-    pub jog: Jog,
-    /// The last values read.
-    pub snapshot: Option<Snapshot>,
+pub enum Known {
+    /// Of an EDB drive.
+    Edb(edb::Known),
+    /// Of a PID module.
+    Pid(View),
+}
+
+/// Values of a drive at one moment.
+#[derive(Clone, Copy, Debug)]
+pub enum Snapshot {
+    /// Of an EDB drive.
+    Edb(edb::Snapshot),
+    /// Of a PID module.
+    Pid(View),
 }
 
 /// One axis.
 pub struct Axis {
-    /// Its configuration.
-    pub spec: AxisSpec,
-    known: Shared<Known>,
+    /// Its name in commands and paths.
+    pub name: String<16>,
+    /// Index of its bus.
+    pub bus: u8,
+    /// Name of its bus.
+    pub bus_name: String<16>,
+    /// Address of the drive on its bus.
+    pub address: u8,
+    drive: Drive,
     turn: Turn,
-    refresh: Turn,
+}
+
+enum Drive {
+    Edb(edb::Drive),
+    Pid(pid::Spec),
 }
 
 /// All axes of the gateway.
@@ -109,34 +110,44 @@ pub struct Axes {
 }
 
 impl Axis {
-    /// What is known of it.
-    pub fn known(&self) -> Known {
-        self.known.lock(|known| *known.borrow())
+    /// What the configuration says of its drive.
+    pub fn drive(&self) -> DriveSpec {
+        match &self.drive {
+            Drive::Edb(edb) => DriveSpec::Edb(edb.spec),
+            Drive::Pid(pid) => DriveSpec::Pid(*pid),
+        }
     }
 
-    fn update(&self, f: impl FnOnce(&mut Known)) {
-        self.known.lock(|known| f(&mut known.borrow_mut()));
+    /// Its drive, where that is an EDB; `lacks` tells what others have not.
+    fn edb(&self, lacks: &'static str) -> Result<&edb::Drive, AxisError> {
+        match &self.drive {
+            Drive::Edb(edb) => Ok(edb),
+            Drive::Pid(_) => Err(AxisError::Unsupported(lacks)),
+        }
     }
 
-    /// Nothing is certain any more, for instance after a write past the axis commands.
-    fn forget(&self) {
-        self.update(|known| {
-            known.enabled = None;
-            known.jog = Jog::Unknown;
-        });
+    fn pid(&self, lacks: &'static str) -> Result<pid::Spec, AxisError> {
+        match &self.drive {
+            Drive::Pid(pid) => Ok(*pid),
+            Drive::Edb(_) => Err(AxisError::Unsupported(lacks)),
+        }
+    }
+}
+
+impl From<AxisSpec> for Axis {
+    fn from(AxisSpec { name, bus, bus_name, address, drive }: AxisSpec) -> Self {
+        let drive = match drive {
+            DriveSpec::Edb(spec) => Drive::Edb(edb::Drive::new(spec)),
+            DriveSpec::Pid(spec) => Drive::Pid(spec),
+        };
+        Self { name, bus, bus_name, address, drive, turn: Turn::new(()) }
     }
 }
 
 impl Axes {
     /// The axes of a configuration; at most [`AXES`] count.
     pub fn new(desk: &'static Desk, specs: impl IntoIterator<Item = AxisSpec>) -> Self {
-        let axis = |spec| Axis {
-            spec,
-            known: Mutex::new(RefCell::new(Known { enabled: None, jog: Jog::Unknown, snapshot: None })),
-            turn: Turn::new(()),
-            refresh: Turn::new(()),
-        };
-        Self { desk, list: specs.into_iter().take(AXES).map(axis).collect() }
+        Self { desk, list: specs.into_iter().take(AXES).map(Axis::from).collect() }
     }
 
     /// All of them, with their numbers.
@@ -146,7 +157,7 @@ impl Axes {
 
     /// The number of the axis of this name.
     pub fn find(&self, name: &str) -> Result<u8, AxisError> {
-        self.iter().find(|(_, axis)| axis.spec.name == name).map(|(id, _)| id).ok_or(AxisError::UnknownAxis)
+        self.iter().find(|(_, axis)| axis.name == name).map(|(id, _)| id).ok_or(AxisError::UnknownAxis)
     }
 
     /// An axis by its number.
@@ -164,45 +175,43 @@ impl Axes {
         self.desk.event(id)
     }
 
-    fn link<'a>(&'a self, axis: &Axis, seat: u8) -> Link<'a> {
-        Link { desk: self.desk, seat, bus: axis.spec.bus, unit: axis.spec.address }
+    /// What is known of an axis.
+    pub fn known(&self, id: u8) -> Result<Known, AxisError> {
+        Ok(match &self.get(id)?.drive {
+            Drive::Edb(edb) => Known::Edb(edb.known()),
+            Drive::Pid(_) => Known::Pid(self.desk.view(clock::now(), id)),
+        })
     }
 
-    /// Values of the drive, not older than `max_age`. Readers that ask at once share one reading.
+    fn link<'a>(&'a self, axis: &Axis, by: Commander) -> Link<'a> {
+        Link { desk: self.desk, seat: by.seat, bus: axis.bus, unit: axis.address }
+    }
+
+    fn module(&self, axis: u8, bus: u8, spec: pid::Spec) -> pid::Module<'_> {
+        pid::Module { desk: self.desk, axis, bus, spec }
+    }
+
+    /// Values of the drive. Those that are read are not older than `max_age`; those that come by themselves are as old as
+    /// they are.
     pub async fn status(&self, id: u8, by: Commander, max_age: Duration) -> Result<Snapshot, AxisError> {
         let axis = self.get(id)?;
-        let asked = clock::now();
-        let _turn = axis.refresh.lock().await;
-        if let Some(snapshot) = axis.known().snapshot
-            && (snapshot.at >= asked || asked.since(snapshot.at) <= max_age && max_age > Duration::ZERO)
-        {
-            return Ok(snapshot);
+        match &axis.drive {
+            Drive::Edb(edb) => edb.status(&self.link(axis, by), max_age).await.map(Snapshot::Edb),
+            Drive::Pid(spec) => self.module(id, axis.bus, *spec).status().await.map(Snapshot::Pid),
         }
-        let snapshot = edb::read(&self.link(axis, by.seat), &axis.spec.registers).await?;
-        axis.update(|known| {
-            known.snapshot = Some(snapshot);
-            if snapshot.status.alarm() {
-                // The drive has dropped the servo by itself.
-                known.enabled = None;
-                known.jog = Jog::Unknown;
-            }
-        });
-        Ok(snapshot)
     }
 
-    /// Enables the servo at standstill: both jog directions are cleared first, so that nothing moves.
+    /// Enables the servo at standstill, so that nothing moves.
     pub async fn enable(&self, id: u8, by: Commander) -> Result<(), AxisError> {
         let axis = self.get(id)?;
         let permit = self.desk.permit(clock::now(), id, by.holder)?;
         let _turn = axis.turn.lock().await;
-        axis.forget();
-        edb::enable(&self.link(axis, by.seat), &axis.spec.registers, permit).await?;
-        // A jog of this commander's own has ended with it.
+        match &axis.drive {
+            Drive::Edb(edb) => edb.enable(&self.link(axis, by), permit).await?,
+            Drive::Pid(spec) => self.module(id, axis.bus, *spec).enable(permit).await?,
+        }
+        // A motion of this commander's own has ended with it.
         self.desk.release(permit);
-        axis.update(|known| {
-            known.enabled = Some(true);
-            known.jog = Jog::Still;
-        });
         Ok(())
     }
 
@@ -210,26 +219,24 @@ impl Axes {
     pub async fn disable(&self, id: u8, by: Commander) -> Result<(), AxisError> {
         let axis = self.get(id)?;
         let duty = self.desk.revoke(clock::now(), id, by.holder);
-        axis.forget();
-        edb::disable(&self.link(axis, by.seat), &axis.spec.registers).await?;
+        match &axis.drive {
+            Drive::Edb(edb) => edb.disable(&self.link(axis, by)).await?,
+            Drive::Pid(spec) => self.module(id, axis.bus, *spec).disable().await?,
+        }
         duty.done();
-        axis.update(|known| {
-            known.enabled = Some(false);
-            known.jog = Jog::Still;
-        });
         Ok(())
     }
 
-    /// Stops the axis by the drive's own ramp; it stays enabled. Allowed to everyone, at any time. Where that ended a
+    /// Stops the axis by the drive's own means; it stays enabled. Allowed to everyone, at any time. Where that ended a
     /// lease and the drive does not confirm it, the gateway goes on trying.
     pub async fn stop(&self, id: u8, by: Commander) -> Result<(), AxisError> {
         let axis = self.get(id)?;
-        let jog = axis.known().jog;
         let duty = self.desk.revoke(clock::now(), id, by.holder);
-        axis.update(|known| known.jog = Jog::Unknown);
-        edb::stop(&self.link(axis, by.seat), &axis.spec.registers, jog).await?;
+        match &axis.drive {
+            Drive::Edb(edb) => edb.stop(&self.link(axis, by)).await?,
+            Drive::Pid(spec) => self.module(id, axis.bus, *spec).stop().await?,
+        }
         duty.done();
-        axis.update(|known| known.jog = Jog::Still);
         Ok(())
     }
 
@@ -243,51 +250,57 @@ impl Axes {
         hold: Option<Duration>,
     ) -> Result<(), AxisError> {
         let axis = self.get(id)?;
-        let max = i32::from(axis.spec.max_rpm);
-        let speed = match i16::try_from(rpm) {
-            Ok(speed) if rpm.abs() <= max => speed,
-            _ => return Err(AxisError::Range { value: rpm, min: -max, max }),
-        };
+        let edb = axis.edb("a PID module goes to positions: move")?;
+        let speed = edb.speed(rpm)?;
         if speed == 0 {
             return self.stop(id, by).await;
         }
         let permit = self.desk.lease(clock::now(), id, by.holder, hold)?;
         let _turn = axis.turn.lock().await;
-        let known = axis.known();
-        if known.jog == Jog::At(speed) && known.enabled == Some(true) {
-            return Ok(());
-        }
-        let result = edb::jog(&self.link(axis, by.seat), &axis.spec.registers, permit, &known, speed).await;
-        match result {
-            Ok(()) if self.desk.moving(clock::now(), permit) => axis.update(|known| {
-                known.enabled = Some(true);
-                known.jog = Jog::At(speed);
-            }),
-            // A stop has come right behind it.
-            Ok(()) => return Err(Failure::NotSent(Reason::Stopped).into()),
-            // The write may have reached the drive: keep the lease, so that its end stops the axis.
-            Err(AxisError::Failure(Failure::NoReply(_))) => {
-                axis.forget();
-                self.desk.moving(clock::now(), permit);
-            }
-            Err(error) => {
-                axis.forget();
-                if error == AxisError::NotEnabled {
-                    axis.update(|known| known.enabled = Some(false));
-                }
-                self.desk.unlease(permit);
-            }
-        }
-        result
+        edb.jog(&self.link(axis, by), permit, speed).await
+    }
+
+    /// Sends the axis to a position, in encoder counts; it goes there, and stays, while its commander shows life. Takes
+    /// the lease as [`jog`](Self::jog) does.
+    pub async fn move_to(
+        &self,
+        id: u8,
+        by: Commander,
+        position: i32,
+        hold: Option<Duration>,
+    ) -> Result<(), AxisError> {
+        let axis = self.get(id)?;
+        let spec = axis.pid("an EDB drive turns at a speed: jog")?;
+        pid::in_range(position)?;
+        let permit = self.desk.lease(clock::now(), id, by.holder, hold)?;
+        let _turn = axis.turn.lock().await;
+        self.module(id, axis.bus, spec).follow(permit, position).await
+    }
+
+    /// The gains of the axis' loop.
+    pub fn gains(&self, id: u8) -> Result<Gains, AxisError> {
+        self.get(id)?.pid(NO_GAINS)?;
+        Ok(self.desk.view(clock::now(), id).gains)
+    }
+
+    /// New gains for the axis' loop, at once.
+    pub fn set_gains(&self, id: u8, by: Commander, gains: Gains) -> Result<(), AxisError> {
+        let axis = self.get(id)?;
+        let spec = axis.pid(NO_GAINS)?;
+        let permit = self.desk.permit(clock::now(), id, by.holder)?;
+        self.module(id, axis.bus, spec).set_gains(permit, gains)
     }
 
     /// Whether the motor of any axis turns, by its drive's own word. A drive that does not answer has no part in it:
     /// what this gateway has set in motion is under a lease, or is being stopped.
     pub async fn turning(&self, by: Commander) -> bool {
         for (id, _) in self.iter() {
-            if let Ok(snapshot) = self.status(id, by, Duration::ZERO).await
-                && snapshot.monitor.speed_feedback.unsigned_abs() > STANDSTILL_RPM
-            {
+            let turns = match self.status(id, by, Duration::ZERO).await {
+                Ok(Snapshot::Edb(snapshot)) => edb::turns(&snapshot),
+                Ok(Snapshot::Pid(view)) => pid::turns(&view),
+                Err(_) => false,
+            };
+            if turns {
                 return true;
             }
         }
@@ -297,7 +310,8 @@ impl Axes {
     /// Reads a parameter.
     pub async fn parameter(&self, id: u8, by: Commander, parameter: Parameter) -> Result<u16, AxisError> {
         let axis = self.get(id)?;
-        self.link(axis, by.seat).read(parameter.address(), Class::Free).await
+        axis.edb(NO_PARAMETERS)?;
+        self.link(axis, by).read(parameter.address(), Class::Free).await
     }
 
     /// Writes a parameter: one request, sent once.
@@ -309,41 +323,41 @@ impl Axes {
         value: u16,
     ) -> Result<(), AxisError> {
         let axis = self.get(id)?;
+        let edb = axis.edb(NO_PARAMETERS)?;
         let permit = self.desk.permit(clock::now(), id, by.holder)?;
-        if parameter.address() == axis.spec.registers.jog_speed {
+        if parameter.address() == edb.spec.registers.jog_speed {
             // A running jog changes its speed with it.
-            axis.forget();
+            edb.forget();
         }
-        self.link(axis, by.seat).write(parameter.address(), value, Class::Guarded(permit)).await
+        self.link(axis, by).write(parameter.address(), value, Class::Guarded(permit)).await
     }
 
     /// The number of the present alarm, 0 for none.
     pub async fn alarm(&self, id: u8, by: Commander) -> Result<u16, AxisError> {
         let axis = self.get(id)?;
-        self.link(axis, by.seat).read(axis.spec.registers.alarm, Class::Free).await
+        let edb = axis.edb("a PID module has no alarm numbers; its status tells faults")?;
+        self.link(axis, by).read(edb.spec.registers.alarm, Class::Free).await
     }
 
-    /// Clears the alarm and the latched event. The jog commands and the servo are switched off first, so that the axis
-    /// stays at rest until it is enabled again.
+    /// Clears the alarm, or acknowledges the fault, and forgets the latched event. The servo is switched off first, so
+    /// that the axis stays at rest until it is enabled again.
     pub async fn clear(&self, id: u8, by: Commander) -> Result<(), AxisError> {
         let axis = self.get(id)?;
         let permit = self.desk.permit(clock::now(), id, by.holder)?;
         let _turn = axis.turn.lock().await;
-        axis.forget();
-        edb::clear(&self.link(axis, by.seat), &axis.spec.registers, permit).await?;
+        match &axis.drive {
+            Drive::Edb(edb) => edb.clear(&self.link(axis, by), permit).await?,
+            Drive::Pid(spec) => self.module(id, axis.bus, *spec).clear(permit).await?,
+        }
         self.desk.release(permit);
         self.desk.clear_event(id);
-        axis.update(|known| {
-            known.enabled = Some(false);
-            known.jog = Jog::Still;
-        });
         Ok(())
     }
 
     /// Stops the axis whenever its lease is lost, and repeats that until the drive confirms. One task an axis.
     pub async fn watch(&self, id: u8) -> ! {
         let by = Commander { seat: crate::port::limits::SLOTS as u8 + id, holder: Holder::Gateway };
-        let name = self.get(id).map_or("?", |axis| axis.spec.name.as_str());
+        let name = self.get(id).map_or("?", |axis| axis.name.as_str());
         loop {
             let cause = self.desk.owed(id).await;
             log::warn!("axis {name}: {}, stopping it", cause.name());

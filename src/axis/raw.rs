@@ -4,7 +4,7 @@ use puente_drives::edb::{self, Effect};
 use puente_modbus::Exception;
 use puente_modbus::request::Request;
 
-use super::{Axes, Axis, Commander};
+use super::{Axes, Commander, Drive};
 use crate::clock;
 use crate::desk::{Class, Permit};
 
@@ -28,10 +28,10 @@ impl Axes {
         request: &Request<'_>,
     ) -> Result<Ruling, Exception> {
         let mut ruling = Ruling { class: Class::Free, motion: None };
-        for (id, axis) in self.addressed(bus, unit) {
+        for (id, drive) in self.addressed(bus, unit) {
             let now = clock::now();
             let busy = |_| Exception::ServerDeviceBusy;
-            let effect = edb::effect(&axis.spec.registers, request);
+            let effect = edb::effect(&drive.spec.registers, request);
             match effect {
                 Effect::Read => {}
                 Effect::Stop => {
@@ -49,7 +49,7 @@ impl Axes {
                 }
             }
             if effect != Effect::Read {
-                axis.forget();
+                drive.forget();
             }
         }
         Ok(ruling)
@@ -66,7 +66,10 @@ impl Axes {
         }
     }
 
-    fn addressed(&self, bus: u8, unit: u8) -> impl Iterator<Item = (u8, &Axis)> {
-        self.iter().filter(move |(_, axis)| axis.spec.bus == bus && (unit == 0 || axis.spec.address == unit))
+    fn addressed(&self, bus: u8, unit: u8) -> impl Iterator<Item = (u8, &super::edb::Drive)> {
+        self.iter().filter_map(move |(id, axis)| match &axis.drive {
+            Drive::Edb(edb) if axis.bus == bus && (unit == 0 || axis.address == unit) => Some((id, edb)),
+            _ => None,
+        })
     }
 }

@@ -12,14 +12,13 @@ use puente::module::control::{Control, Servo};
 use puente::module::setup;
 use puente::port::mps2::span::{span_begins, span_ends, span_next};
 use puente::port::{self, Axis, AxisBoard, CommandForm, Feedback};
-use puente_drives::pid::{Cause, Command, Config, Gains, State, Width, ssi};
+use puente_drives::pid::{Cause, Command, Config, Gains, State, Status, Width, ssi};
 use puente_line::Instant;
+use puente_modules::node::Loop;
 
 /// Steps in each state.
 const STEPS: u32 = 2_000;
 const PERIOD: Duration = Duration::from_micros(100);
-
-static CONTROL: Control<Axis> = Control::new();
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
@@ -29,7 +28,7 @@ fn main() -> ! {
 fn start(spawner: Spawner) {
     const W16: Width = Width::W16;
     const W25: Width = Width::new(25).expect("a width");
-    AxisBoard::start(spawner, setup::LINE, Feedback::Quadrature, CommandForm::Voltage);
+    AxisBoard::start(spawner, setup::BUS, Feedback::Quadrature, CommandForm::Voltage);
     let ssi = |parity| Feedback::Ssi { format: ssi::Format { width: W25, parity }, gray: true };
     for (name, feedback) in [
         ("quadrature", Feedback::Quadrature),
@@ -54,24 +53,21 @@ fn config(feedback: Feedback) -> Config {
     }
 }
 
-fn state() -> State {
-    CONTROL.status().expect("a loop").state
-}
-
 struct Run {
     encoder: &'static str,
+    control: Control<Axis>,
     now: Instant,
 }
 
 impl Run {
     fn new(encoder: &'static str, feedback: Feedback) -> Self {
-        CONTROL.set(Servo::new(Axis::new(feedback), config(feedback)).expect("a configuration"));
-        Self { encoder, now: Instant::ZERO }
+        let servo = Servo::new(Axis::new(feedback), config(feedback)).expect("a configuration");
+        Self { encoder, control: Control::new(servo), now: Instant::ZERO }
     }
 
     fn all(mut self) {
         self.steps("disabled", |_| None);
-        assert_eq!(state(), State::Disabled);
+        assert_eq!(self.status().state, State::Disabled);
         self.command(Command::Gains(Gains::new(1e-4, 1e-5, 1e-6).expect("gains")));
         self.command(Command::Enable);
         self.now += PERIOD;
@@ -79,18 +75,22 @@ impl Run {
         self.count("starting", 201, |_| None);
         self.steps("following, at rest", |_| Some(Command::SetPoint(0)));
         self.steps("following, in motion", |step| Some(Command::SetPoint(i64::from(step) * 10)));
-        assert!(CONTROL.status().is_some_and(|status| status.position > 10_000));
+        assert!(self.status().position > 10_000);
         self.steps("following, at the limit of the command", |_| Some(Command::SetPoint(1_000_000)));
-        assert!(CONTROL.status().is_some_and(|status| status.command == 1.0));
+        assert!(self.status().command == 1.0);
         self.command(Command::Stop);
         self.steps("held", |_| Some(Command::SetPoint(0)));
-        assert_eq!(state(), State::Held);
+        assert_eq!(self.status().state, State::Held);
         self.steps("falling into a fault, and in it", |_| None);
-        assert_eq!(state(), State::Fault(Cause::Communication));
+        assert_eq!(self.status().state, State::Fault(Cause::Communication));
+    }
+
+    fn status(&self) -> Status {
+        (&self.control).status()
     }
 
     fn command(&self, command: Command) {
-        CONTROL.command(self.now, command).expect("a command in its place");
+        (&self.control).command(self.now, command).expect("a command in its place");
     }
 
     fn steps(&mut self, state: &str, command: impl Fn(u32) -> Option<Command>) {
@@ -102,12 +102,12 @@ impl Run {
         for step in 0..steps {
             if let Some(command) = command(step) {
                 // A set-point that is refused is heard all the same.
-                let _ = CONTROL.command(self.now, command);
+                let _ = (&self.control).command(self.now, command);
             }
             cortex_m::interrupt::free(|_| {
                 span_begins();
                 black_box(clock::now());
-                CONTROL.step(self.now);
+                self.control.step(self.now);
                 span_ends();
             });
             self.now += PERIOD;

@@ -2,10 +2,14 @@
 //!
 //! A pump takes its jobs from whoever implements [`Work`]; it knows nothing of clients.
 
+pub mod framed;
 pub mod modbus;
 
+use puente_drives::pid::Event;
 use puente_line::Instant;
 use puente_modbus::Outcome;
+use puente_modules::master::{Output, Statistics};
+use puente_modules::{Control, Report};
 
 /// One request for the wire.
 pub struct Job {
@@ -60,6 +64,27 @@ pub trait Work {
     fn finish(&self, now: Instant, ticket: Ticket, end: End<'_>);
     /// What the master has counted so far.
     fn counted(&self, counters: puente_modbus::Counters);
+    /// A sign of life: the pump gives the next one before `until`, or it hangs.
+    fn alive(&self, until: Instant);
+}
+
+/// Where the pump of a cyclic bus finds what shall be, and tells what is. An axis is named by its place in the order of
+/// the bus.
+pub trait Image {
+    /// Shows what is wanted of each axis now.
+    fn outputs(&self, now: Instant, set: impl FnMut(usize, Output));
+    /// An axis has reported; `current` if that answers what was shown last.
+    fn reported(&self, now: Instant, place: usize, report: Report, current: bool);
+    /// An axis has told an event.
+    fn happened(&self, place: usize, event: Event);
+    /// What was wanted of an axis is not any more: it has lost its current by itself, or another has stopped it.
+    fn fell(&self, now: Instant, place: usize, to: Control);
+    /// Resolves when what is wanted has changed since the last call.
+    async fn changed(&self);
+    /// What the master has counted so far.
+    fn counted(&self, statistics: Statistics);
+    /// Whether the port has failed.
+    fn line(&self, down: bool);
     /// A sign of life: the pump gives the next one before `until`, or it hangs.
     fn alive(&self, until: Instant);
 }

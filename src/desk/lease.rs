@@ -52,6 +52,8 @@ pub enum Cause {
     Stopped,
     /// The gateway's own stop was not confirmed by the drive.
     StopUnconfirmed,
+    /// The drive has switched itself off.
+    DriveFault,
     /// The gateway itself has started anew while the axis may have moved.
     Restarted,
 }
@@ -64,6 +66,7 @@ impl Cause {
             Cause::Disconnected => "commander-disconnected",
             Cause::Stopped => "stopped-by-other",
             Cause::StopUnconfirmed => "stop-unconfirmed",
+            Cause::DriveFault => "drive-fault",
             Cause::Restarted => "gateway-restarted",
         }
     }
@@ -105,6 +108,16 @@ impl Permit {
             let others = axis.lease.as_ref().is_some_and(|l| l.holder != self.holder || l.until <= now);
             axis.epoch == self.epoch && !others
         })
+    }
+
+    /// As [`valid`](Self::valid), and its holder has the lease.
+    pub(super) fn commands(&self, leases: &[AxisLease], now: Instant) -> bool {
+        self.valid(leases, now) && leases.get(usize::from(self.axis)).is_some_and(|axis| axis.lease.is_some())
+    }
+
+    /// The axis that it is for.
+    pub(super) fn axis(&self) -> u8 {
+        self.axis
     }
 }
 
@@ -168,6 +181,14 @@ impl AxisLease {
             self.epoch = self.epoch.wrapping_add(1);
             self.event = Some(Event { cause, holder: lease.holder, at: now });
             self.stopping = Stopping::Owed(cause);
+        }
+    }
+
+    /// Motion has begun: from now on the holder must show life.
+    pub(super) fn run(&mut self, now: Instant) {
+        if let Some(lease) = &mut self.lease {
+            lease.running = true;
+            lease.until = now + lease.hold;
         }
     }
 
@@ -264,13 +285,13 @@ impl Desk {
     /// meanwhile; then the axis is being stopped.
     pub fn moving(&self, now: Instant, permit: Permit) -> bool {
         let moving = self.on_axis(permit.axis, |state| {
-            let lease = state.lease.as_mut().filter(|lease| lease.holder == permit.holder);
-            lease.map(|lease| {
-                lease.running = true;
-                lease.until = now + lease.hold;
-            })
+            let holds = state.lease.as_ref().is_some_and(|lease| lease.holder == permit.holder);
+            if holds {
+                state.run(now);
+            }
+            holds
         });
-        moving.flatten().is_some()
+        moving == Some(true)
     }
 
     /// The holder of a permit gives its lease back without having moved the axis.
@@ -372,6 +393,17 @@ impl Desk {
             if state.epoch == epoch && state.stopping == Stopping::InHand {
                 state.stopping = with;
             }
+        });
+    }
+
+    /// The drive itself has ended the motion of its commander, who must keep still from now on. It has been seen at
+    /// rest, so that nobody has to stop it.
+    pub(super) fn fallen(&self, now: Instant, axis: u8, cause: Cause) {
+        self.on_axis(axis, |state| {
+            if let Some(lease) = state.take_from_others(Holder::Gateway, now) {
+                state.event = Some(Event { cause, holder: lease.holder, at: now });
+            }
+            state.epoch = state.epoch.wrapping_add(1);
         });
     }
 

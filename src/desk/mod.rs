@@ -7,6 +7,7 @@
 
 mod breaker;
 mod duty;
+mod image;
 mod lease;
 mod pending;
 mod queue;
@@ -24,6 +25,7 @@ use puente_line::{Duration, Instant};
 use puente_modbus::Evidence;
 
 pub use duty::Duty;
+pub use image::{BusImage, Input, View, Wish, at_rest};
 pub use lease::{Cause, Event, Holder, Leased, Permit};
 pub use pending::Pending;
 pub use queue::BusQueue;
@@ -136,12 +138,17 @@ struct Bus {
     last_moved: bool,
     /// Before this moment its pump gives the next sign of life; none until the first.
     alive_until: Option<Instant>,
+    /// Of a cyclic bus.
+    cycles: puente_modules::master::Statistics,
+    /// Its port has failed.
+    line_down: bool,
 }
 
 struct State {
     queue: queue::Queue,
     buses: Vec<Bus, BUSES>,
     leases: Vec<lease::AxisLease, AXES>,
+    image: image::Slots,
     lease_time: Duration,
 }
 
@@ -166,6 +173,7 @@ impl Desk {
                 queue: queue::Queue::new(),
                 buses: Vec::new(),
                 leases: Vec::new(),
+                image: Vec::new(),
                 lease_time: Duration::ZERO,
             })),
             work: [const { Signal::new() }; BUSES],
@@ -178,12 +186,21 @@ impl Desk {
         self.with(|state| {
             state.lease_time = lease_time;
             state.leases = core::iter::repeat_with(lease::AxisLease::new).take(AXES).collect();
+            state.image = core::iter::repeat_with(|| None).take(AXES).collect();
             for spec in specs.into_iter().take(BUSES) {
                 let breaker = breaker::Breaker::new(spec.reply_timeout);
                 // There is room: no more than BUSES are taken.
                 let statistics = Statistics::default();
-                let bus =
-                    Bus { spec, breaker, statistics, last_seat: 0, last_moved: false, alive_until: None };
+                let bus = Bus {
+                    spec,
+                    breaker,
+                    statistics,
+                    last_seat: 0,
+                    last_moved: false,
+                    alive_until: None,
+                    cycles: Default::default(),
+                    line_down: false,
+                };
                 let _ = state.buses.push(bus);
             }
         });

@@ -5,10 +5,12 @@ use core::cell::RefCell;
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
-use puente_drives::pid::{BadConfig, Command, Config, Event, Input, Module, Output, Refused, State, Status};
+use puente_drives::pid::{BadConfig, Command, Config, Event, Input, Module, Output, Refused, Status};
 use puente_line::Instant;
+use puente_modules::node::Loop;
 
-use crate::port::AxisIo;
+use crate::clock;
+use crate::port::{AxisIo, Step};
 
 /// Events that wait for the bus.
 const EVENTS: usize = 4;
@@ -43,44 +45,23 @@ impl<A: AxisIo> Servo<A> {
         }
         event
     }
-
-    /// What the bus wants.
-    pub fn command(&mut self, now: Instant, command: Command) -> Result<(), Refused> {
-        self.module.command(now, command)
-    }
-
-    /// How it stands.
-    pub fn status(&self) -> Status {
-        self.module.status()
-    }
 }
 
 /// The loop, between the interrupt that steps it and the task that commands it. Each has it for itself, and not for long.
 pub struct Control<A> {
-    place: Mutex<CriticalSectionRawMutex, RefCell<Option<Servo<A>>>>,
+    servo: Mutex<CriticalSectionRawMutex, RefCell<Servo<A>>>,
     events: Channel<CriticalSectionRawMutex, Event, EVENTS>,
 }
 
-impl<A: AxisIo> Default for Control<A> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 impl<A: AxisIo> Control<A> {
-    /// A place for a loop.
-    pub const fn new() -> Self {
-        Self { place: Mutex::new(RefCell::new(None)), events: Channel::new() }
-    }
-
-    /// Puts the loop in.
-    pub fn set(&self, servo: Servo<A>) {
-        self.place.lock(|place| place.borrow_mut().replace(servo));
+    /// Both may have this loop.
+    pub const fn new(servo: Servo<A>) -> Self {
+        Self { servo: Mutex::new(RefCell::new(servo)), events: Channel::new() }
     }
 
     /// One step, at the time that is given. Of events that nobody fetches the first are kept.
     pub fn step(&self, now: Instant) {
-        if let Some(Some(event)) = self.with(|servo| servo.step(now)) {
+        if let Some(event) = self.with(|servo| servo.step(now)) {
             let _ = self.events.try_send(event);
         }
     }
@@ -95,17 +76,133 @@ impl<A: AxisIo> Control<A> {
         self.with(|servo| servo.patience = PATIENCE);
     }
 
-    /// How the loop stands; none before it is there.
-    pub fn status(&self) -> Option<Status> {
-        self.with(|servo| servo.status())
+    fn with<R>(&self, f: impl FnOnce(&mut Servo<A>) -> R) -> R {
+        self.servo.lock(|servo| f(&mut servo.borrow_mut()))
+    }
+}
+
+impl<A: AxisIo + Send> Step for Control<A> {
+    fn step(&self) {
+        Control::step(self, clock::now());
+    }
+}
+
+impl<A: AxisIo> Loop for &Control<A> {
+    fn command(&mut self, now: Instant, command: Command) -> Result<(), Refused> {
+        self.with(|servo| servo.module.command(now, command))
     }
 
-    /// Carries out a command of the bus, or says why not; a refusal where there is no loop yet.
-    pub fn command(&self, now: Instant, command: Command) -> Result<(), Refused> {
-        self.with(|servo| servo.command(now, command)).unwrap_or(Err(Refused::State(State::Disabled)))
+    fn status(&self) -> Status {
+        self.with(|servo| servo.module.status())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+    use puente_drives::pid::{Cause, Encoder, EncoderFault, Gains, State, Width};
+
+    use super::*;
+
+    /// An axis that stands where it is told, and notes what it is given.
+    struct Bench<'a> {
+        /// The encoder's, or none where its line is torn.
+        position: &'a AtomicU32,
+        applied: Vec<(f32, bool)>,
+        fed: u32,
     }
 
-    fn with<R>(&self, f: impl FnOnce(&mut Servo<A>) -> R) -> Option<R> {
-        self.place.lock(|place| place.borrow_mut().as_mut().map(f))
+    const TORN: u32 = u32::MAX;
+
+    impl AxisIo for Bench<'_> {
+        fn sample(&mut self) -> Result<u32, EncoderFault> {
+            match self.position.load(Relaxed) {
+                TORN => Err(EncoderFault::Line),
+                position => Ok(position),
+            }
+        }
+
+        fn amplifier_fault(&mut self) -> bool {
+            false
+        }
+
+        fn apply(&mut self, command: f32, enable: bool) {
+            self.applied.push((command, enable));
+        }
+
+        fn feed(&mut self) {
+            self.fed += 1;
+        }
+    }
+
+    struct Rig<'a> {
+        control: Control<Bench<'a>>,
+        now: Instant,
+    }
+
+    impl<'a> Rig<'a> {
+        fn new(position: &'a AtomicU32) -> Self {
+            let bench = Bench { position, applied: Vec::new(), fed: 0 };
+            let servo = Servo::new(bench, Config::new(Encoder::Binary(Width::W16))).expect("a configuration");
+            Self { control: Control::new(servo), now: Instant::ZERO }
+        }
+
+        fn steps(&mut self, count: u32) {
+            for _ in 0..count {
+                self.now += core::time::Duration::from_micros(100);
+                self.control.step(self.now);
+            }
+        }
+
+        fn command(&mut self, command: Command) {
+            (&self.control).command(self.now, command).expect("a command in its place");
+        }
+
+        fn applied(&self) -> (f32, bool) {
+            self.control.with(|servo| *servo.axis.applied.last().expect("a command"))
+        }
+
+        fn fed(&self) -> u32 {
+            self.control.with(|servo| servo.axis.fed)
+        }
+
+        fn event(&self) -> Option<Event> {
+            self.control.events.try_receive().ok()
+        }
+    }
+
+    #[test]
+    fn a_fault_takes_the_current_away_in_the_step_that_finds_it() {
+        let position = AtomicU32::new(100);
+        let mut rig = Rig::new(&position);
+        assert_eq!(rig.applied(), (0.0, false), "before the first step");
+        rig.steps(1);
+        rig.command(Command::Gains(Gains::new(0.01, 0.0, 0.0).expect("gains")));
+        rig.command(Command::Enable);
+        rig.steps(201);
+        assert_eq!((rig.applied(), rig.event()), ((0.0, true), Some(Event::Enabled)));
+        rig.command(Command::SetPoint(120));
+        rig.steps(1);
+        assert_eq!(rig.applied(), (0.01 * 20.0, true));
+        position.store(TORN, Relaxed);
+        rig.steps(1);
+        assert_eq!(rig.applied(), (0.0, false));
+        let cause = Cause::Encoder(EncoderFault::Line);
+        assert_eq!(rig.event(), Some(Event::Fault(cause)));
+        assert_eq!((&rig.control).status().state, State::Fault(cause));
+    }
+
+    #[test]
+    fn the_watchdog_is_fed_as_long_as_the_bus_lives() {
+        let position = AtomicU32::new(0);
+        let mut rig = Rig::new(&position);
+        for _ in 0..3 {
+            rig.steps(PATIENCE - 1);
+            rig.control.alive();
+        }
+        assert_eq!(rig.fed(), 3 * (PATIENCE - 1));
+        rig.steps(3 * PATIENCE);
+        assert_eq!(rig.fed(), 4 * (PATIENCE - 1), "the loop alone is not enough");
     }
 }

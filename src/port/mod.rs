@@ -9,6 +9,7 @@ use core::fmt;
 use embedded_io_async::{Error, Read, Write};
 use embedded_storage_async::nor_flash::NorFlash;
 use puente_drives::pid::{Encoder, EncoderFault, Width, ssi};
+use puente_line::Settings;
 
 pub mod journal;
 pub mod record;
@@ -165,6 +166,12 @@ pub trait LineReader: Read {
     /// they come without a pause.
     fn expect(&mut self, _count: usize) {}
 
+    /// What is heard may come later than it was on the line by so much: what the port collects, or what is between it and
+    /// the line, on the way out and back together.
+    fn latency(&self) -> puente_line::Duration {
+        puente_line::Duration::ZERO
+    }
+
     /// Whether a character is arriving that has not been received yet; false where the port cannot tell.
     fn carrier(&self) -> bool {
         false
@@ -178,6 +185,17 @@ pub trait LineWriter: Write {
     /// Drops what has been taken and not been sent: where the port can, sending ends with the character that is under
     /// way.
     fn discard(&mut self);
+}
+
+/// The bus of a PID interface module.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bus {
+    /// Baud rate and format.
+    pub line: Settings,
+    /// Silence before a frame, in characters.
+    pub gap: usize,
+    /// Unit of the back-off, in characters.
+    pub slot: usize,
 }
 
 /// How the encoder of a PID interface module tells where the axis is.
@@ -227,6 +245,12 @@ pub trait AxisIo {
     fn apply(&mut self, command: f32, enable: bool);
     /// Puts the reset by the watchdog off for another moment.
     fn feed(&mut self);
+}
+
+/// What an interrupt does again and again.
+pub trait Step: Sync {
+    /// Once.
+    fn step(&self);
 }
 
 /// What the lamps of a board show.

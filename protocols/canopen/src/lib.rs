@@ -4,8 +4,9 @@
 //!
 //! - [`frame`]: CAN frames. [`cob`]: node-IDs and COB-IDs. [`object`]: addresses in an object dictionary.
 //! - [`nmt`]: commands and states of nodes. [`monitor`]: whether a node is there, by heartbeat or guarding.
-//! - [`sdo`]: objects read and written, of any length.
+//! - [`sdo`]: objects read and written, of any length. [`pdo`]: how PDOs are set up, and the values in them.
 //! - [`heartbeat`], [`sync`], [`time`]: what a manager produces itself. [`emcy`]: what nodes report.
+//! - [`lss`]: node-IDs and bit rates given over the bus.
 //!
 //! Sources: CiA 301 version 4.2.0, whose clauses are meant where only a number stands, and CiA 305 for layer setting
 //! services; the words are theirs.
@@ -18,9 +19,11 @@ mod cycle;
 pub mod emcy;
 pub mod frame;
 pub mod heartbeat;
+pub mod lss;
 pub mod monitor;
 pub mod nmt;
 pub mod object;
+pub mod pdo;
 pub mod sdo;
 pub mod sync;
 pub mod time;

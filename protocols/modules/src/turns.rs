@@ -27,7 +27,7 @@ pub(crate) struct Turns {
 impl Turns {
     pub fn new(line: &arbiter::Config) -> Self {
         let time = |bytes| line.line.wire_time(bytes);
-        Self { gap: line.gap, report: time(REPORT), receipt: time(RECEIPT), slot: line.slot }
+        Self { gap: line.gap, report: time(REPORT), receipt: time(RECEIPT), slot: line.slot + line.latency }
     }
 
     /// When to submit the report of the `turn`-th that was asked, counted from 0, in a frame that has ended now.

@@ -3,6 +3,7 @@
 use core::fmt;
 
 use puente_drives::edb::Parameter;
+use puente_drives::pid::{BadGain, Gains};
 
 /// A command.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,6 +28,9 @@ pub(in crate::front) enum AxisCommand {
     Clear,
     /// In r/min.
     Jog(i32),
+    /// In encoder counts.
+    Move(i32),
+    Gains(Gains),
     Get(Parameter),
     Set(Parameter, u16),
 }
@@ -50,6 +54,8 @@ pub(super) enum Mistake<'a> {
     Usage(&'static str),
     /// No parameter.
     Parameter(&'a str),
+    /// A gain that no loop can work with.
+    Gain(BadGain),
     /// No number, or none that is allowed here.
     Number(&'a str),
     /// A dialect that this version does not speak.
@@ -65,6 +71,7 @@ impl fmt::Display for Mistake<'_> {
             Mistake::Parameter(word) => {
                 write!(f, "'{}' is no parameter; write Pn and a number, as in Pn037", Shown(word))
             }
+            Mistake::Gain(gain) => gain.fmt(f),
             Mistake::Number(word) => write!(f, "'{}' is no number that is allowed here", Shown(word)),
             Mistake::Unsupported(dialect) => write!(f, "{dialect} is not spoken by this version"),
         }
@@ -91,11 +98,16 @@ impl Command<'_> {
 
     /// Whether it moves an axis.
     pub(super) fn moves(&self) -> bool {
-        matches!(self, Command::Axis(_, AxisCommand::Jog(rpm)) if *rpm != 0)
+        match self {
+            Command::Axis(_, AxisCommand::Jog(rpm)) => *rpm != 0,
+            Command::Axis(_, AxisCommand::Move(_)) => true,
+            _ => false,
+        }
     }
 }
 
-const AXIS: &str = "axis NAME status|enable|disable|stop|alarm|clear|jog RPM|get PnNNN|set PnNNN VALUE";
+const AXIS: &str = "axis NAME status|enable|disable|stop|clear|move POSITION|gains KP KI KD|\
+jog RPM|alarm|get PnNNN|set PnNNN VALUE";
 const BUS: &str = "bus NAME status|scan FIRST-LAST";
 
 /// Reads a line that is not empty.
@@ -106,14 +118,14 @@ pub(super) fn parse(line: &[u8]) -> Result<Command<'_>, Mistake<'_>> {
     let text = core::str::from_utf8(line).map_err(|_| Mistake::Text)?;
     let mut words = text.split_ascii_whitespace();
     let first = words.next().unwrap_or_default();
-    let mut rest = [""; 4];
+    let mut rest = [""; 5];
     let count = rest.iter_mut().zip(words.by_ref()).map(|(place, word)| *place = word).count();
     let rest = rest.get(..count).unwrap_or_default();
     if first.starts_with(['[', '0', '1', '2', '3', '4', '5', '6', '7', '8', '9']) {
         return Err(Mistake::Unsupported("CiA 309-3"));
     }
     if words.next().is_some() {
-        return Err(Mistake::Usage("at most 5 words; try 'help'"));
+        return Err(Mistake::Usage("at most 6 words; try 'help'"));
     }
     match (first, rest) {
         ("help" | "?", []) => Ok(Command::Help),
@@ -137,6 +149,12 @@ fn axis<'a>(words: &[&'a str]) -> Result<AxisCommand, Mistake<'a>> {
         ["alarm"] => Ok(AxisCommand::Alarm),
         ["clear"] => Ok(AxisCommand::Clear),
         ["jog", rpm] => rpm.parse().map(AxisCommand::Jog).map_err(|_| Mistake::Number(rpm)),
+        ["move", position] => position.parse().map(AxisCommand::Move).map_err(|_| Mistake::Number(position)),
+        ["gains", kp, ki, kd] => {
+            let number = |text: &'a str| text.parse().map_err(|_| Mistake::Number(text));
+            let gains = Gains::new(number(kp)?, number(ki)?, number(kd)?);
+            gains.map(AxisCommand::Gains).map_err(Mistake::Gain)
+        }
         ["get", name] => parameter(name).map(AxisCommand::Get),
         ["set", name, value] => {
             Ok(AxisCommand::Set(parameter(name)?, word(value).ok_or(Mistake::Number(value))?))
@@ -175,8 +193,15 @@ mod tests {
 
     #[test]
     fn commands_are_read() {
+        let gains = Gains::new(0.5, 2.0, 1e-3).expect("gains");
         let pn037 = "Pn037".parse().expect("parameter");
-        let cases: [(&[u8], Result<Command<'_>, Mistake<'_>>); 18] = [
+        let cases: [(&[u8], Result<Command<'_>, Mistake<'_>>); 24] = [
+            (b"axis x move -1000", Ok(Command::Axis("x", AxisCommand::Move(-1000)))),
+            (b"axis x move 1.5", Err(Mistake::Number("1.5"))),
+            (b"axis x gains 0.5 2 1e-3", Ok(Command::Axis("x", AxisCommand::Gains(gains)))),
+            (b"axis x gains 0.5 2 x", Err(Mistake::Number("x"))),
+            (b"axis x gains 0.5 -2 0", Err(Mistake::Gain(BadGain { name: "ki", value: -2.0 }))),
+            (b"axis x gains 0.5 2", Err(Mistake::Usage(AXIS))),
             (b"help", Ok(Command::Help)),
             (b"system", Ok(Command::System)),
             (b"system now", Err(Mistake::Usage("this word alone"))),
@@ -192,7 +217,7 @@ mod tests {
             (b"bus a scan 9-3", Err(Mistake::Number("9-3"))),
             (b"bus a scan 0", Err(Mistake::Number("0"))),
             (b"go", Err(Mistake::Unknown("go"))),
-            (b"axis x set Pn037 1 2", Err(Mistake::Usage("at most 5 words; try 'help'"))),
+            (b"axis x set Pn037 1 2 3", Err(Mistake::Usage("at most 6 words; try 'help'"))),
             (b"[1] 4 read 0x1017 0 i16", Err(Mistake::Unsupported("CiA 309-3"))),
             (b"axis \xFF", Err(Mistake::Text)),
         ];
@@ -207,5 +232,7 @@ mod tests {
         assert!(jog(5).moves() && !jog(5).stops());
         assert!(jog(0).stops() && !jog(0).moves());
         assert!(Command::Axis("x", AxisCommand::Stop).stops());
+        let there = Command::Axis("x", AxisCommand::Move(0));
+        assert!(there.moves() && !there.stops());
     }
 }

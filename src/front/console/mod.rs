@@ -1,26 +1,32 @@
 //! The console: one command a line, one line back, `ok key=value ...` or `error code text`.
 
 mod command;
+mod status;
 
 use core::fmt::Write;
 
 use puente_drives::edb::Parameter;
-use puente_line::{Duration, millis};
+use puente_drives::pid::Gains;
+use puente_line::Duration;
 use puente_modbus::request::Request;
 
 use super::lines::Reply;
 use super::system::System;
 use super::{Gateway, Guest};
-use crate::axis::{AxisError, Commander, Jog, Snapshot};
+use crate::axis::{AxisError, Commander, Known, Snapshot};
 use crate::clock;
 use crate::desk::{Class, Failure, Order, Units};
 use crate::port;
 use crate::settings::Name;
 use command::{AxisCommand, BusCommand, Command, Mistake};
 
-const HELP: &str = "ok commands=\"help; axis; axis NAME status|enable|disable|stop|alarm|clear; \
-axis NAME jog RPM; axis NAME get PnNNN; axis NAME set PnNNN VALUE; bus; bus NAME status; \
-bus NAME scan FIRST-LAST; system; feed\"";
+const HELP: &str = "ok commands=\"help; axis; axis NAME status|enable|disable|stop|clear; \
+EDB: axis NAME jog RPM; axis NAME alarm; axis NAME get PnNNN; axis NAME set PnNNN VALUE; \
+PID: axis NAME move POSITION; axis NAME gains KP KI KD; \
+bus; bus NAME status; bus NAME scan FIRST-LAST; system; feed\"";
+
+const NO_SCAN: &str =
+    "a framed bus has no units to ask; its modules report by themselves, see: axis NAME status";
 
 /// A command that needs the drives.
 #[derive(Clone, Copy)]
@@ -68,15 +74,20 @@ fn resolve(gateway: &Gateway, command: Command<'_>, reply: &mut Reply) -> Result
         Command::Help => say(reply, format_args!("{HELP}")),
         Command::Feed => say(reply, format_args!("ok")),
         Command::System => say(reply, format_args!("ok {}", System(gateway))),
-        Command::Axes => list(reply, "axes", gateway.axes.iter().map(|(_, axis)| &axis.spec.name)),
+        Command::Axes => list(reply, "axes", gateway.axes.iter().map(|(_, axis)| &axis.name)),
         Command::Buses => list(reply, "buses", gateway.settings.buses.iter().map(|bus| &bus.name)),
         Command::Axis(name, command) => match gateway.axes.find(name) {
             Ok(id) => return Ok(Task::Axis(id, command)),
             Err(unknown) => return Err(error(reply, unknown.code(), unknown)),
         },
         Command::Bus(name, command) => match (gateway.settings.bus(name), command) {
-            (Some(bus), BusCommand::Scan(units)) => return Ok(Task::Scan(bus, units)),
-            (Some(bus), BusCommand::Status) => bus_status(gateway, bus, reply),
+            (Some(bus), BusCommand::Scan(units)) => {
+                match gateway.settings.buses.get(usize::from(bus)).and_then(|bus| bus.modbus()) {
+                    Some(_) => return Ok(Task::Scan(bus, units)),
+                    None => return Err(error(reply, "unsupported", NO_SCAN)),
+                }
+            }
+            (Some(bus), BusCommand::Status) => status::bus(gateway, bus, reply),
             (None, _) => return Err(error(reply, "unknown-bus", "no bus has this name; 'bus' lists them")),
         },
     }
@@ -97,10 +108,13 @@ pub(super) enum Answer {
     Enabled(bool),
     Stopped,
     Jog(i32),
+    Move(i32),
+    Gains(Gains),
     Value(Parameter, u16),
     Written(Parameter, u16),
     Alarm(u16),
-    Cleared(u16),
+    /// The alarm that is left, of a drive that numbers them.
+    Cleared(Option<u16>),
 }
 
 /// Does what needs the drives. There is no reply yet: its room is that of this future, see [`lines`](super::lines).
@@ -115,7 +129,7 @@ pub(super) async fn finish(gateway: &Gateway, guest: Guest, task: Task) -> Outco
 pub(super) fn tell(gateway: &Gateway, outcome: &Outcome, reply: &mut Reply) {
     match outcome {
         Outcome::Axis(id, answer) => {
-            let name = gateway.axes.get(*id).map_or("", |axis| axis.spec.name.as_str());
+            let name = gateway.axes.get(*id).map_or("", |axis| axis.name.as_str());
             match answer {
                 Ok(answer) => {
                     say(reply, format_args!("ok axis={name}"));
@@ -186,6 +200,14 @@ async fn axis(gateway: &Gateway, by: Commander, id: u8, command: AxisCommand) ->
             axes.jog(id, by, rpm, None).await?;
             Answer::Jog(rpm)
         }
+        AxisCommand::Move(position) => {
+            axes.move_to(id, by, position, None).await?;
+            Answer::Move(position)
+        }
+        AxisCommand::Gains(gains) => {
+            axes.set_gains(id, by, gains)?;
+            Answer::Gains(gains)
+        }
         AxisCommand::Get(parameter) => Answer::Value(parameter, axes.parameter(id, by, parameter).await?),
         AxisCommand::Set(parameter, value) => {
             axes.set_parameter(id, by, parameter, value).await?;
@@ -194,18 +216,30 @@ async fn axis(gateway: &Gateway, by: Commander, id: u8, command: AxisCommand) ->
         AxisCommand::Alarm => Answer::Alarm(axes.alarm(id, by).await?),
         AxisCommand::Clear => {
             axes.clear(id, by).await?;
-            Answer::Cleared(axes.alarm(id, by).await?)
+            match axes.alarm(id, by).await {
+                Err(AxisError::Unsupported(_)) => Answer::Cleared(None),
+                alarm => Answer::Cleared(Some(alarm?)),
+            }
         }
     })
 }
 
 fn tell_answer(gateway: &Gateway, id: u8, answer: &Answer, reply: &mut Reply) {
     match answer {
-        Answer::Status(snapshot) => status(gateway, id, snapshot, reply),
+        Answer::Status(snapshot) => status::axis(gateway, id, snapshot, reply),
         Answer::Enabled(enabled) => say(reply, format_args!(" enabled={}", u8::from(*enabled))),
-        Answer::Stopped => say(reply, format_args!(" jog_rpm=0")),
+        Answer::Stopped => match gateway.axes.known(id) {
+            Ok(Known::Pid(_)) => say(reply, format_args!(" stopped=1")),
+            _ => say(reply, format_args!(" jog_rpm=0")),
+        },
         Answer::Jog(rpm) => {
             say(reply, format_args!(" jog_rpm={rpm} lease_ms={}", gateway.settings.net.lease_ms));
+        }
+        Answer::Move(position) => {
+            say(reply, format_args!(" set_point={position} lease_ms={}", gateway.settings.net.lease_ms));
+        }
+        Answer::Gains(gains) => {
+            say(reply, format_args!(" kp={} ki={} kd={}", gains.kp(), gains.ki(), gains.kd()));
         }
         Answer::Value(parameter, value) => {
             say(reply, format_args!(" {parameter}={value}"));
@@ -222,76 +256,13 @@ fn tell_answer(gateway: &Gateway, id: u8, answer: &Answer, reply: &mut Reply) {
             });
             say(reply, format_args!(" alarm={number} text=\"{text}\""));
         }
-        Answer::Cleared(number) => say(reply, format_args!(" enabled=0 alarm={number}")),
-    }
-}
-
-fn status(gateway: &Gateway, id: u8, snapshot: &Snapshot, reply: &mut Reply) {
-    let now = clock::now();
-    let Snapshot { at, status, monitor } = snapshot;
-    say(reply, format_args!(" status={:04X} flags={status}", status.0));
-    if let Ok(axis) = gateway.axes.get(id) {
-        let known = axis.known();
-        match known.enabled {
-            Some(enabled) => say(reply, format_args!(" enabled={}", u8::from(enabled))),
-            None => say(reply, format_args!(" enabled=?")),
-        }
-        match known.jog {
-            Jog::Still => say(reply, format_args!(" jog_rpm=0")),
-            Jog::At(rpm) => say(reply, format_args!(" jog_rpm={rpm}")),
-            Jog::Unknown => say(reply, format_args!(" jog_rpm=?")),
+        Answer::Cleared(alarm) => {
+            say(reply, format_args!(" enabled=0"));
+            if let Some(number) = alarm {
+                say(reply, format_args!(" alarm={number}"));
+            }
         }
     }
-    say(
-        reply,
-        format_args!(
-            " speed_rpm={} torque_percent={} position_pulses={} alarm={} age_ms={}",
-            monitor.speed_feedback,
-            monitor.internal_torque_reference,
-            monitor.position,
-            monitor.alarm,
-            millis(now.since(*at))
-        ),
-    );
-    if let Some((holder, left)) = gateway.axes.leased(id) {
-        say(reply, format_args!(" lease=\"{holder}\" lease_ms={}", millis(left)));
-    }
-    if let Some(event) = gateway.axes.event(id) {
-        say(
-            reply,
-            format_args!(" event={} event_age_ms={}", event.cause.name(), millis(now.since(event.at))),
-        );
-    }
-}
-
-fn bus_status(gateway: &Gateway, bus: u8, reply: &mut Reply) {
-    let (Some(counted), Some(settings)) =
-        (gateway.desk.statistics(bus), gateway.settings.buses.get(usize::from(bus)))
-    else {
-        return;
-    };
-    let mean = counted.latency_sum_us / u64::from(counted.confirmed.max(1));
-    let _ = write!(
-        reply,
-        "ok bus={} protocol={} port={} baud={} format={} requests={} confirmed={} exceptions={} no_reply={} \
-         not_sent={} late={} bad_check={} garbage={} echoes={} waiting={} resting={} mean_us={mean}",
-        settings.name,
-        settings.protocol.name(),
-        settings.port,
-        settings.baud,
-        settings.format,
-        counted.submitted,
-        counted.confirmed,
-        counted.exceptions,
-        counted.no_reply,
-        counted.expired + counted.rested + counted.stopped + counted.line_down + counted.queue_full,
-        counted.line.late,
-        counted.line.check_errors,
-        counted.line.garbage_bytes,
-        counted.line.echoes,
-        counted.waiting,
-        counted.resting,
-    );
 }
 
 /// Asks each unit for one register; whatever answers, if only with an exception, is there.
@@ -328,6 +299,7 @@ impl Mistake<'_> {
             Mistake::Usage(_) => "usage",
             Mistake::Parameter(_) => "parameter",
             Mistake::Number(_) => "number",
+            Mistake::Gain(_) => "range",
             Mistake::Unsupported(_) => "unsupported",
         }
     }

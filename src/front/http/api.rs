@@ -3,6 +3,7 @@
 use embedded_io_async::Write;
 use heapless::Vec;
 use puente_drives::edb::Parameter;
+use puente_drives::pid::Gains;
 use puente_line::Duration;
 use serde::Deserialize;
 
@@ -34,6 +35,8 @@ pub(super) enum Task {
     Axes,
     Axis(u8),
     Command(u8, Action),
+    Gains(u8),
+    SetGains(u8, Gains),
     Parameter(u8, Parameter),
     SetParameter(u8, Parameter, u16),
     Buses,
@@ -59,6 +62,7 @@ pub(super) enum Change {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Action {
     Jog(i32, Option<Duration>),
+    Move(i32, Option<Duration>),
     Stop,
     Enable,
     Disable,
@@ -70,6 +74,21 @@ pub(super) enum Action {
 struct JogBody {
     rpm: i32,
     hold_ms: Option<u32>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MoveBody {
+    position: i32,
+    hold_ms: Option<u32>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GainsBody {
+    kp: f32,
+    ki: f32,
+    kd: f32,
 }
 
 #[derive(Deserialize)]
@@ -101,6 +120,13 @@ pub(super) fn understand(
         Resource::Axes => Task::Axes,
         Resource::Axis(name) => Task::Axis(gateway.axes.find(name)?),
         Resource::Command(name, command) => Task::Command(gateway.axes.find(name)?, action(command, body)?),
+        Resource::Gains(name) => {
+            let id = gateway.axes.find(name)?;
+            match head.method {
+                Method::Put => Task::SetGains(id, gains(body)?),
+                _ => Task::Gains(id),
+            }
+        }
         Resource::Parameter(name, parameter) => {
             let id = gateway.axes.find(name)?;
             let parameter = parameter.parse().map_err(Problem::Parameter)?;
@@ -129,11 +155,20 @@ fn action(command: Command, body: &[u8]) -> Result<Action, Problem> {
             let JogBody { rpm, hold_ms } = json(body, "{\"rpm\": 100, \"hold_ms\": 500}")?;
             Action::Jog(rpm, hold(hold_ms)?)
         }
+        Command::Move => {
+            let MoveBody { position, hold_ms } = json(body, "{\"position\": 1000, \"hold_ms\": 500}")?;
+            Action::Move(position, hold(hold_ms)?)
+        }
         Command::Stop => Action::Stop,
         Command::Enable => Action::Enable,
         Command::Disable => Action::Disable,
         Command::Clear => Action::Clear,
     })
+}
+
+fn gains(body: &[u8]) -> Result<Gains, Problem> {
+    let GainsBody { kp, ki, kd } = json(body, "{\"kp\": 0.02, \"ki\": 0.1, \"kd\": 0}")?;
+    Gains::new(kp, ki, kd).map_err(Problem::Gains)
 }
 
 /// The new value of a parameter.
@@ -173,9 +208,16 @@ impl Call<'_> {
             }
             Task::Command(id, action) => {
                 self.command(id, action).await?;
-                let axis = self.gateway.axes.get(id)?;
-                let lease = self.gateway.axes.leased(id);
-                reply.value(&view::Commanded::new(&axis.spec.name, axis.known(), lease)).await?;
+                let axes = &self.gateway.axes;
+                let commanded = view::Commanded::new(&axes.get(id)?.name, axes.known(id)?, axes.leased(id));
+                reply.value(&commanded).await?;
+            }
+            Task::Gains(id) => {
+                reply.value(&view::Gains::from(self.gateway.axes.gains(id)?)).await?;
+            }
+            Task::SetGains(id, gains) => {
+                self.gateway.axes.set_gains(id, self.by, gains)?;
+                reply.value(&view::Gains::from(gains)).await?;
             }
             Task::Parameter(id, parameter) => {
                 let value = self.gateway.axes.parameter(id, self.by, parameter).await?;
@@ -203,7 +245,7 @@ impl Call<'_> {
         value: u16,
         reply: &mut Reply<'_, W>,
     ) -> Result<(), Fault> {
-        let name = &self.gateway.axes.get(id)?.spec.name;
+        let name = &self.gateway.axes.get(id)?.name;
         Ok(reply.value(&view::ParameterValue::new(name, parameter, value)).await?)
     }
 
@@ -241,12 +283,10 @@ impl Call<'_> {
 
     fn view(&self, id: u8, error: Option<AxisError>) -> Result<view::Axis<'_>, AxisError> {
         let axes = &self.gateway.axes;
-        let axis = axes.get(id)?;
         Ok(view::Axis::new(&view::Findings {
             now: clock::now(),
-            spec: &axis.spec,
-            drive: self.gateway.settings.axes.get(usize::from(id)).map_or("", |axis| axis.drive.name()),
-            known: axis.known(),
+            axis: axes.get(id)?,
+            known: axes.known(id)?,
             lease: axes.leased(id),
             event: axes.event(id),
             error,
@@ -257,6 +297,7 @@ impl Call<'_> {
         let (axes, by) = (&self.gateway.axes, self.by);
         match action {
             Action::Jog(rpm, hold) => axes.jog(id, by, rpm, hold).await,
+            Action::Move(position, hold) => axes.move_to(id, by, position, hold).await,
             Action::Stop => axes.stop(id, by).await,
             Action::Enable => axes.enable(id, by).await,
             Action::Disable => axes.disable(id, by).await,
@@ -270,8 +311,10 @@ impl Call<'_> {
             if index > 0 {
                 reply.put(format_args!(",")).await?;
             }
-            let statistics = self.gateway.desk.statistics(index).unwrap_or_default();
-            reply.json(&view::Bus::new(bus, &statistics)).await?;
+            let desk = self.gateway.desk;
+            let statistics = desk.statistics(index).unwrap_or_default();
+            let cycles = desk.cycles(index).unwrap_or_default();
+            reply.json(&view::Bus::new(bus, &statistics, &cycles, desk.line_down(index))).await?;
         }
         reply.put(format_args!("]")).await?;
         Ok(reply.finish().await?)

@@ -1,14 +1,20 @@
 //! What is measured, as text for Prometheus (exposition format 0.0.4).
 
+mod cyclic;
+
 use core::fmt;
 
 use embedded_io_async::Write;
+use puente_drives::edb::Monitor;
+use puente_drives::pid::State;
+use puente_line::Instant;
 use puente_modbus::Counters;
+use puente_modules::Report;
 
 use super::super::{End, Gateway};
 use super::reply::Reply;
 use super::view;
-use crate::axis::Axis;
+use crate::axis::{Known, pid};
 use crate::clock;
 use crate::desk::{BUCKETS_MS, Statistics};
 
@@ -44,27 +50,64 @@ const LINE: [Count<Counters>; 12] = [
     ("line-error", |line| line.line_errors),
 ];
 
-type Gauge = (&'static str, &'static str, fn(&Axis) -> Option<i64>);
+type Gauge = (&'static str, &'static str, fn(&Known) -> Option<i64>);
 
 /// The last values of an axis.
-const AXIS: [Gauge; 6] = [
-    ("puente_axis_speed_rpm", "Speed feedback.", |axis| {
-        Some(axis.known().snapshot?.monitor.speed_feedback.into())
+const AXIS: [Gauge; 10] = [
+    ("puente_axis_speed_rpm", "Speed feedback.", |known| Some(monitor(known)?.speed_feedback.into())),
+    ("puente_axis_torque_percent", "Internal torque reference, of rated torque.", |known| {
+        Some(monitor(known)?.internal_torque_reference.into())
     }),
-    ("puente_axis_torque_percent", "Internal torque reference, of rated torque.", |axis| {
-        Some(axis.known().snapshot?.monitor.internal_torque_reference.into())
+    ("puente_axis_position_pulses", "Present position.", |known| Some(monitor(known)?.position.into())),
+    ("puente_axis_alarm", "Number of the present alarm, 0 for none.", |known| {
+        Some(monitor(known)?.alarm.into())
     }),
-    ("puente_axis_position_pulses", "Present position.", |axis| {
-        Some(axis.known().snapshot?.monitor.position.into())
+    ("puente_axis_jog_rpm", "Commanded jog.", |known| match known {
+        Known::Edb(known) => view::jog_rpm(known.jog).map(i64::from),
+        Known::Pid(_) => None,
     }),
-    ("puente_axis_alarm", "Number of the present alarm, 0 for none.", |axis| {
-        Some(axis.known().snapshot?.monitor.alarm.into())
+    ("puente_axis_position_counts", "Present position.", |known| Some(report(known)?.position.into())),
+    ("puente_axis_following_error_counts", "Reference less position.", |known| {
+        Some(report(known)?.following_error.into())
     }),
-    ("puente_axis_enabled", "1 where the servo was enabled through the gateway.", |axis| {
-        axis.known().enabled.map(i64::from)
+    ("puente_axis_velocity_counts", "Velocity, a second.", |known| Some(report(known)?.velocity as i64)),
+    ("puente_axis_fault", "1 while the module is in a fault.", |known| {
+        Some(matches!(report(known)?.state, State::Fault(_)).into())
     }),
-    ("puente_axis_jog_rpm", "Commanded jog.", |axis| view::jog_rpm(axis.known().jog).map(i64::from)),
+    (
+        "puente_axis_enabled",
+        "1 where the servo is enabled, through the gateway or by its own word.",
+        |known| {
+            match known {
+                Known::Edb(known) => known.enabled,
+                Known::Pid(_) => report(known).map(|report| pid::enabled(report.state)),
+            }
+            .map(i64::from)
+        },
+    ),
 ];
+
+fn monitor(known: &Known) -> Option<Monitor> {
+    match known {
+        Known::Edb(known) => known.snapshot.map(|snapshot| snapshot.monitor),
+        Known::Pid(_) => None,
+    }
+}
+
+fn report(known: &Known) -> Option<Report> {
+    match known {
+        Known::Pid(view) => view.input.map(|input| input.report),
+        Known::Edb(_) => None,
+    }
+}
+
+/// When the last values came.
+fn read_at(known: &Known) -> Option<Instant> {
+    match known {
+        Known::Edb(known) => known.snapshot.map(|snapshot| snapshot.at),
+        Known::Pid(view) => view.input.map(|input| input.at),
+    }
+}
 
 /// Sends all of it.
 pub(super) async fn send<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) -> Result<(), End> {
@@ -72,6 +115,7 @@ pub(super) async fn send<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) 
     own(gateway, reply).await?;
     buses(gateway, reply).await?;
     latency(gateway, reply).await?;
+    cyclic::send(gateway, reply).await?;
     axes(gateway, reply).await?;
     reply.finish().await
 }
@@ -104,10 +148,11 @@ async fn own<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) -> Result<()
     single(reply, "puente_queue_places", "gauge", "Requests that can be under way at once.", places).await
 }
 
-/// Every bus with its name and statistics.
+/// Every Modbus bus with its name and statistics.
 fn counted(gateway: &Gateway) -> impl Iterator<Item = (&str, Statistics)> {
     let statistics = |index| gateway.desk.statistics(index).unwrap_or_default();
-    (0..).zip(&gateway.settings.buses).map(move |(index, bus)| (bus.name.as_str(), statistics(index)))
+    let modbus = (0..).zip(&gateway.settings.buses).filter(|(_, bus)| bus.modbus().is_some());
+    modbus.map(move |(index, bus)| (bus.name.as_str(), statistics(index)))
 }
 
 async fn buses<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) -> Result<(), End> {
@@ -177,23 +222,23 @@ async fn latency<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) -> Resul
 async fn axes<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) -> Result<(), End> {
     for (name, help, value) in AXIS {
         family(reply, name, "gauge", help).await?;
-        for (_, axis) in gateway.axes.iter() {
-            if let Some(value) = value(axis) {
-                reply.put(format_args!("{name}{{axis=\"{}\"}} {value}\n", axis.spec.name)).await?;
+        for (id, axis) in gateway.axes.iter() {
+            if let Some(value) = gateway.axes.known(id).ok().and_then(|known| value(&known)) {
+                reply.put(format_args!("{name}{{axis=\"{}\"}} {value}\n", axis.name)).await?;
             }
         }
     }
-    family(reply, "puente_axis_age_seconds", "gauge", "Age of the values read from the drive.").await?;
-    for (_, axis) in gateway.axes.iter() {
-        if let Some(snapshot) = axis.known().snapshot {
-            let age = Seconds::of(clock::now().since(snapshot.at));
-            reply.put(format_args!("puente_axis_age_seconds{{axis=\"{}\"}} {age}\n", axis.spec.name)).await?;
+    family(reply, "puente_axis_age_seconds", "gauge", "Age of the values of the drive.").await?;
+    for (id, axis) in gateway.axes.iter() {
+        if let Some(at) = gateway.axes.known(id).ok().and_then(|known| read_at(&known)) {
+            let age = Seconds::of(clock::now().since(at));
+            reply.put(format_args!("puente_axis_age_seconds{{axis=\"{}\"}} {age}\n", axis.name)).await?;
         }
     }
     family(reply, "puente_axis_leased", "gauge", "1 while a client commands the axis.").await?;
     for (id, axis) in gateway.axes.iter() {
         let leased = u8::from(gateway.axes.leased(id).is_some());
-        reply.put(format_args!("puente_axis_leased{{axis=\"{}\"}} {leased}\n", axis.spec.name)).await?;
+        reply.put(format_args!("puente_axis_leased{{axis=\"{}\"}} {leased}\n", axis.name)).await?;
     }
     Ok(())
 }

@@ -25,6 +25,8 @@ pub(super) enum Problem {
     Hold(u32),
     /// The path names no parameter.
     Parameter(puente_drives::edb::BadParameter),
+    /// A gain that no loop can work with.
+    Gains(puente_drives::pid::BadGain),
     /// A page of another origin wants to act.
     Origin,
     /// Nothing has this path.
@@ -63,7 +65,9 @@ impl Problem {
     pub(super) const fn status(&self) -> Status {
         match self {
             Problem::Head(_) | Problem::Request(_) | Problem::Json(_) => status::BAD_REQUEST,
-            Problem::Hold(_) | Problem::Parameter(_) | Problem::Document(_) => status::BAD_REQUEST,
+            Problem::Hold(_) | Problem::Gains(_) | Problem::Parameter(_) | Problem::Document(_) => {
+                status::BAD_REQUEST
+            }
             Problem::Origin => status::FORBIDDEN,
             Problem::NotFound => status::NOT_FOUND,
             Problem::Method(_) => status::METHOD_NOT_ALLOWED,
@@ -83,7 +87,7 @@ impl Problem {
         match self {
             Problem::Head(_) | Problem::Request(_) => "bad-request",
             Problem::Json(_) => "bad-json",
-            Problem::Hold(_) => "range",
+            Problem::Hold(_) | Problem::Gains(_) => "range",
             Problem::Parameter(_) => "parameter",
             Problem::Origin => "origin",
             Problem::NotFound => "not-found",
@@ -108,9 +112,10 @@ impl Problem {
 const fn axis_status(error: &AxisError) -> Status {
     use crate::desk::Failure;
     match error {
-        AxisError::UnknownAxis => status::NOT_FOUND,
+        AxisError::UnknownAxis | AxisError::Unsupported(_) => status::NOT_FOUND,
         AxisError::Leased(_) | AxisError::NotEnabled | AxisError::Alarm(_) => status::CONFLICT,
-        AxisError::Range { .. } => status::BAD_REQUEST,
+        AxisError::Fault(_) | AxisError::Refused(_) | AxisError::NoGains => status::CONFLICT,
+        AxisError::Range { .. } | AxisError::GainDigits => status::BAD_REQUEST,
         AxisError::Failure(Failure::NotSent(_)) => status::SERVICE_UNAVAILABLE,
         AxisError::Failure(Failure::NoReply(_)) => status::GATEWAY_TIMEOUT,
         AxisError::Exception(_) => status::BAD_GATEWAY,
@@ -126,6 +131,7 @@ impl fmt::Display for Problem {
             Problem::Hold(ms) => {
                 write!(f, "hold_ms {ms} is out of range {} to {}", HOLD_MS.start(), HOLD_MS.end())
             }
+            Problem::Gains(error) => error.fmt(f),
             Problem::Parameter(error) => error.fmt(f),
             Problem::Origin => f.write_str("only the gateway's own page may command axes from a browser"),
             Problem::NotFound => f.write_str("nothing has this path"),

@@ -16,6 +16,8 @@ pub(super) enum Resource<'p> {
     Axis(&'p str),
     /// `/api/axes/NAME/COMMAND`
     Command(&'p str, Command),
+    /// `/api/axes/NAME/gains`
+    Gains(&'p str),
     /// `/api/axes/NAME/parameters/PARAMETER`
     Parameter(&'p str, &'p str),
     /// `/api/buses`
@@ -38,6 +40,7 @@ pub(super) enum Resource<'p> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Command {
     Jog,
+    Move,
     Stop,
     Enable,
     Disable,
@@ -53,6 +56,7 @@ impl<'p> Resource<'p> {
         Some(match *segments {
             ["api", "axes"] => Resource::Axes,
             ["api", "axes", axis] => Resource::Axis(axis),
+            ["api", "axes", axis, "gains"] => Resource::Gains(axis),
             ["api", "axes", axis, command] => Resource::Command(axis, Command::find(command)?),
             ["api", "axes", axis, "parameters", parameter] => Resource::Parameter(axis, parameter),
             ["api", "buses"] => Resource::Buses,
@@ -71,7 +75,7 @@ impl<'p> Resource<'p> {
     pub(super) const fn methods(&self) -> &'static str {
         match self {
             Resource::Command(..) | Resource::Confirm => "POST",
-            Resource::Parameter(..) => "GET, HEAD, PUT",
+            Resource::Gains(_) | Resource::Parameter(..) => "GET, HEAD, PUT",
             Resource::Config => "GET, HEAD, PUT, DELETE",
             Resource::Asset(_)
             | Resource::Axes
@@ -88,7 +92,7 @@ impl<'p> Resource<'p> {
         match method {
             Method::Get | Method::Head => !matches!(self, Resource::Command(..) | Resource::Confirm),
             Method::Post => matches!(self, Resource::Command(..) | Resource::Confirm),
-            Method::Put => matches!(self, Resource::Parameter(..) | Resource::Config),
+            Method::Put => matches!(self, Resource::Gains(_) | Resource::Parameter(..) | Resource::Config),
             Method::Delete => matches!(self, Resource::Config),
             Method::Other => false,
         }
@@ -104,6 +108,7 @@ impl Command {
     fn find(name: &str) -> Option<Self> {
         Some(match name {
             "jog" => Command::Jog,
+            "move" => Command::Move,
             "stop" => Command::Stop,
             "enable" => Command::Enable,
             "disable" => Command::Disable,
@@ -124,6 +129,8 @@ mod tests {
             ("/api/axes/x", Resource::Axis("x")),
             ("/api/axes/", Resource::Axis("")),
             ("/api/axes/x/jog", Resource::Command("x", Command::Jog)),
+            ("/api/axes/x/move", Resource::Command("x", Command::Move)),
+            ("/api/axes/x/gains", Resource::Gains("x")),
             ("/api/axes/x/stop", Resource::Command("x", Command::Stop)),
             ("/api/axes/x/parameters/Pn037", Resource::Parameter("x", "Pn037")),
             ("/api/buses", Resource::Buses),
@@ -168,6 +175,7 @@ mod tests {
             "/api/axes",
             "/api/axes/x",
             "/api/axes/x/jog",
+            "/api/axes/x/gains",
             "/api/axes/x/parameters/a",
             "/api/buses",
             "/api/config",
@@ -190,6 +198,7 @@ mod tests {
     fn only_stop_and_disable_stop() {
         let stops = |command| Resource::Command("x", command).stops();
         assert!(stops(Command::Stop) && stops(Command::Disable));
+        assert!(!stops(Command::Move));
         assert!(!stops(Command::Jog) && !stops(Command::Enable) && !stops(Command::Clear));
         assert!(!Resource::Axes.stops());
     }

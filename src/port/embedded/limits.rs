@@ -15,6 +15,12 @@ pub const TICKETS: usize = 24;
 pub const BUSES: usize = 2;
 /// Framed buses: each takes more memory than a Modbus bus.
 pub const FRAMED: usize = 1;
+/// Longest frame on a framed bus, in bytes.
+pub const FRAME: usize = puente_framed::frame::MAX_FRAME;
+/// Modules of a framed bus that tell events at once.
+pub const PEERS: usize = AXES;
+/// Frames outstanding to one station of a framed bus.
+pub const WINDOW: usize = 2;
 /// Axes.
 pub const AXES: usize = 8;
 /// Bytes that a client may send ahead: the longest head of an HTTP request.

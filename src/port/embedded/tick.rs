@@ -1,22 +1,24 @@
-//! What the loop's interrupt calls.
+//! What the loop's interrupt does.
 
 use core::cell::Cell;
 
 use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 
-type Step = Cell<Option<fn()>>;
+use crate::port::Step;
 
-static STEP: Mutex<CriticalSectionRawMutex, Step> = Mutex::new(Cell::new(None));
+type Place = Cell<Option<&'static dyn Step>>;
 
-/// Sets what each tick calls.
-pub(in crate::port) fn set(step: fn()) {
-    STEP.lock(|place| place.set(Some(step)));
+static PLACE: Mutex<CriticalSectionRawMutex, Place> = Mutex::new(Cell::new(None));
+
+/// Sets what each tick does.
+pub(in crate::port) fn set(step: &'static dyn Step) {
+    PLACE.lock(|place| place.set(Some(step)));
 }
 
 /// To be called by the interrupt.
 pub(in crate::port) fn ticked() {
-    if let Some(step) = STEP.lock(Cell::get) {
-        step();
+    if let Some(step) = PLACE.lock(Cell::get) {
+        step.step();
     }
 }

@@ -22,10 +22,8 @@ pub(super) use super::stm32::{last_words, log, logs};
 
 use super::stm32::line::c;
 use super::stm32::{executor, reset, start_log};
-use puente_line::Settings;
-
 use crate::port::embedded::vital;
-use crate::port::{CommandForm, Feedback};
+use crate::port::{Bus, CommandForm, Feedback};
 pub use axis::Axis;
 use command::Command;
 use encoder::Encoder;
@@ -41,7 +39,9 @@ bind_interrupts!(struct Interrupts {
 pub struct AxisBoard {
     /// Spawns bus tasks, above everything in thread mode.
     pub buses: SendSpawner,
-    /// The bus.
+    /// The bus,
+    pub bus: Bus,
+    /// and its line.
     pub line: Line,
     /// Encoder and amplifier.
     pub axis: Axis,
@@ -58,7 +58,7 @@ pub struct AxisBoard {
 impl AxisBoard {
     /// Starts clocks and executors, with the amplifier off. Call it once, first of all.
     #[inline(never)]
-    pub fn start(_: Spawner, line: Settings, feedback: Feedback, form: CommandForm) -> Self {
+    pub fn start(_: Spawner, bus: Bus, feedback: Feedback, form: CommandForm) -> Self {
         vital::begin(Some(reset::cause()));
         start_log();
         let p = embassy_stm32::init(clocks::config());
@@ -101,8 +101,9 @@ impl AxisBoard {
         Rng::new(p.RNG, Interrupts).fill_bytes(&mut seed);
         Self {
             buses: executor::start(),
+            bus,
             line: c::Parts { usart: p.USART1, tx: p.PC4, rx: p.PC5, de: p.PA12 }
-                .open(line)
+                .open(bus.line)
                 .expect("a line that the USART can do"),
             axis: Axis { encoder, command, enable, ready, watchdog: Watchdog::new() },
             lamp: Lamp(low(p.PA5.into())),

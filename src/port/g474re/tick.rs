@@ -7,6 +7,7 @@ use embassy_stm32::timer::low_level::{RoundTo, Timer};
 use embassy_stm32::{Peri, interrupt, pac};
 
 use super::watchdog;
+use crate::port::Step;
 use crate::port::embedded::tick;
 
 /// The timer of the loop.
@@ -17,8 +18,8 @@ impl Tick {
         Self(timer)
     }
 
-    /// Calls `step` so many times a second from now on, above everything else. The watchdog runs from then on.
-    pub fn start(self, rate: u32, step: fn()) {
+    /// Does `step` so many times a second from now on, above everything else. The watchdog runs from then on.
+    pub fn start(self, rate: u32, step: &'static dyn Step) {
         tick::set(step);
         let timer = Timer::new(self.0);
         timer.set_frequency(Hertz(rate), RoundTo::Faster);

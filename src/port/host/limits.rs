@@ -14,6 +14,12 @@ pub const TICKETS: usize = 256;
 pub const BUSES: usize = 8;
 /// Framed buses.
 pub const FRAMED: usize = 8;
+/// Longest frame on a framed bus, in bytes.
+pub const FRAME: usize = puente_framed::frame::MAX_FRAME;
+/// Modules of a framed bus that tell events at once.
+pub const PEERS: usize = AXES;
+/// Frames outstanding to one station of a framed bus.
+pub const WINDOW: usize = puente_framed::window::MAX_WINDOW;
 /// Axes.
 pub const AXES: usize = 32;
 /// Bytes that a client may send ahead: the longest head of an HTTP request.

@@ -20,6 +20,7 @@ use super::tty;
 use crate::port::{LineReader, LineWriter, SerialLine};
 
 const RETRY: Duration = Duration::from_secs(1);
+const LATENCY: puente_line::Duration = puente_line::Duration::from_millis(10);
 const CONNECT: Duration = Duration::from_secs(2);
 
 /// Where a line is.
@@ -229,6 +230,11 @@ impl Read for Reader<'_> {
 }
 
 impl LineReader for Reader<'_> {
+    /// What a system may take that has other things to do, or an adapter that collects characters.
+    fn latency(&self) -> puente_line::Duration {
+        LATENCY
+    }
+
     fn carrier(&self) -> bool {
         match self.0.wire() {
             Some(Wire::Sim(sim)) => sim.carrier(),

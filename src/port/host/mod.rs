@@ -12,6 +12,13 @@ mod sim;
 mod tty;
 mod vital;
 
+/// A number that nobody can guess, another at each call.
+pub fn random() -> u64 {
+    use std::hash::{BuildHasher, Hasher, RandomState};
+    // Its keys are the system's random numbers.
+    RandomState::new().build_hasher().finish()
+}
+
 pub use flash::Flash;
 pub use line::{BadPort, Line, LineSpec, check_line};
 pub use log::start_log;

@@ -223,6 +223,11 @@ impl LineReader for Reader<'_> {
     fn expect(&mut self, count: usize) {
         self.0.uart.with(|buffers| buffers.expected = count.min(RECEIVE / 2));
     }
+
+    /// What the computer may take that emulates the board.
+    fn latency(&self) -> puente_line::Duration {
+        puente_line::Duration::from_millis(10)
+    }
 }
 
 /// The sending half.

@@ -66,6 +66,8 @@ pub struct Board {
     pub flash: Option<Flash>,
     /// The user button is held.
     pub button: bool,
+    /// Another on each board and, as good as always, at each start: there is nothing better.
+    pub seed: u64,
 }
 
 impl Board {
@@ -92,8 +94,15 @@ impl Board {
             network,
             flash: Flash::take(),
             button: registers::EMULATOR.read(registers::BUTTON) == 1,
+            seed: seed(mac),
         }
     }
+}
+
+/// The MAC address, and the time that the start has taken on the computer that emulates the board.
+fn seed(mac: [u8; 6]) -> u64 {
+    let [a, b, c, d, e, f] = mac;
+    u64::from_be_bytes([0, 0, a, b, c, d, e, f]) ^ embassy_time::Instant::now().as_ticks() << 32
 }
 
 /// What must not go on when the firmware fails: there is nothing, for the new start begins with a motor at rest.

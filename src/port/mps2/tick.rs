@@ -5,6 +5,7 @@ use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{SCB, SYST};
 use cortex_m_rt::exception;
 
+use crate::port::Step;
 use crate::port::embedded::tick;
 
 /// The processor's clock, 25 MHz.
@@ -21,8 +22,8 @@ impl Tick {
         Self { timer, priorities }
     }
 
-    /// Calls `step` so many times a second from now on, above everything else.
-    pub fn start(mut self, rate: u32, step: fn()) {
+    /// Does `step` so many times a second from now on, above everything else.
+    pub fn start(mut self, rate: u32, step: &'static dyn Step) {
         tick::set(step);
         // SAFETY: no code relies on priorities for exclusion; critical sections mask all interrupts.
         unsafe { self.priorities.set_priority(SystemHandler::SysTick, 0x00) }

@@ -61,6 +61,8 @@ pub struct Board {
     pub flash: Option<Flash>,
     /// The user button is held.
     pub button: bool,
+    /// A random number, another at each start.
+    pub seed: u64,
 }
 
 /// What must not go on when the firmware fails: there is nothing, for the drives watch over themselves.
@@ -83,8 +85,7 @@ impl Board {
             board::prepare(&mut core);
         }
         let own = board::own!(p);
-        let mut seed = [0; 8];
-        Rng::new(p.RNG, board::RandomInterrupt).fill_bytes(&mut seed);
+        let mut random = Rng::new(p.RNG, board::RandomInterrupt);
         let mac = mac::from_unique_id(&uid::uid());
         let ethernet = net::Parts {
             eth: p.ETH,
@@ -111,7 +112,8 @@ impl Board {
             leds: Leds::new(p.PB0, own.ld2, p.PB14),
             mac,
             moving,
-            network: net::start(spawner, ethernet, mac, u64::from_le_bytes(seed)),
+            network: net::start(spawner, ethernet, mac, random.next_u64()),
+            seed: random.next_u64(),
             flash: Flash::new(p.FLASH),
             button: is_held(p.PC13),
         }

@@ -35,6 +35,8 @@ pub const BUTTON: u32 = 0x203F_F000;
 pub const AMPLIFIER_FAULT: u32 = 0x203F_F004;
 /// and at the switch for its address, 0 to 15.
 pub const SWITCH: u32 = 0x203F_F008;
+/// The baud rate of its bus, and the gap and the slot in characters, where they are not 0.
+pub const BUS: [u32; 3] = [0x203F_F00C, 0x203F_F010, 0x203F_F014];
 
 /// The board of the gateway: Cortex-M7 and Ethernet.
 pub const GATEWAY: &str = "mps2-an500";

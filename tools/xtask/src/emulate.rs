@@ -9,7 +9,7 @@ use std::process::{Child, Command, Stdio};
 use puente_emulator::{Emulator, QEMU, Setup, tie};
 
 use crate::Outcome;
-use crate::board::{Board, EMULATED};
+use crate::board::{Board, EMULATED, Program, emulated};
 use crate::command::{Options, cargo, install_debian, program, root, run as run_command, target_dir, works};
 use crate::cross::Cross;
 use crate::firmware;
@@ -48,7 +48,9 @@ pub fn run(arguments: &[String]) -> Outcome {
 pub fn test() -> Outcome {
     let image = image(firmware::build_for_tests)?;
     let mut tests = cargo();
-    tests.args(["test", "--package", "puente", "--quiet", "--no-fail-fast"]).env("PUENTE_IMAGE", image);
+    let module = image_of(firmware::build, &emulated(Program::AxisModule))?;
+    tests.args(["test", "--package", "puente", "--quiet", "--no-fail-fast"]);
+    tests.env("PUENTE_IMAGE", image).env("PUENTE_MODULE_IMAGE", module);
     for name in scenarios().map_err(|error| format!("tests: {error}"))? {
         tests.args(["--test", &name]);
     }

@@ -22,7 +22,7 @@ pub struct Config {
     pub slot: Duration,
     /// What a station adds to the gap after a frame of its own. IEEE 802.3 has no such thing, and there a station that has
     /// just sent meets all that waited for it without a back-off, wins again and again, and starves them. With a slot,
-    /// those that wait come first, and so does the answer to the frame.
+    /// those that wait come first, and so does the answer to the frame. After an answer there is no rest: another has asked.
     pub rest: Duration,
     /// Collisions in a row after which a frame is given up, at least 1.
     pub attempts: u8,
@@ -30,11 +30,13 @@ pub struct Config {
     pub policy: Policy,
     /// Whether the station hears itself.
     pub echo: Echo,
+    /// What the port takes, on the way out and back together, beyond the time on the line. An echo may be late by so much.
+    pub latency: Duration,
 }
 
 impl Config {
     /// For a line: a gap of 2 characters, a deference of 2, a slot of 8, a slot of rest, 16 attempts, [`Policy::Truncated`],
-    /// [`Echo::Compared`].
+    /// [`Echo::Compared`], no latency.
     pub fn new(line: Settings) -> Self {
         Self {
             line,
@@ -45,6 +47,7 @@ impl Config {
             attempts: 16,
             policy: Policy::Truncated,
             echo: Echo::Compared,
+            latency: Duration::ZERO,
         }
     }
 

@@ -19,7 +19,7 @@ pub struct Config {
     /// Its windows.
     pub window: window::Config,
     /// After so long a silence a frame that is incomplete is void. A port that hands bytes on in bursts needs more than the
-    /// arbiter's gap.
+    /// arbiter's gap: its latency too.
     pub silence: Duration,
     /// Whether it hands over what others say to each other in their windows, too.
     pub promiscuous: bool,

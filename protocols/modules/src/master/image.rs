@@ -19,16 +19,35 @@ pub(super) struct Image {
     /// It is asked in this cycle, and has not answered.
     pub ask: bool,
     /// What the cycle's frame says.
-    pub sent: Control,
+    sent: Told,
     /// What the frame said that asked it last, until it answers.
-    pub asked: Option<Control>,
+    asked: Option<Told>,
+    /// Of what is wanted: it changes with control and gains.
+    revision: u32,
+}
+
+/// What a frame says to an axis.
+#[derive(Clone, Copy, Debug)]
+struct Told {
+    control: Control,
+    revision: u32,
+}
+
+/// What an answer means.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Meaning {
+    /// It answers a frame that said what is wanted now.
+    pub current: bool,
+    /// What is wanted from now on, where that has to change.
+    pub fell: Option<Control>,
 }
 
 impl Image {
     pub fn new(axis: Axis) -> Self {
         let output = Output::default();
         let gains = written(axis, output.gains);
-        Self { axis, output, gains, engaged: false, ask: false, sent: output.control, asked: None }
+        let sent = Told { control: output.control, revision: 0 };
+        Self { axis, output, gains, engaged: false, ask: false, sent, asked: None, revision: 0 }
     }
 
     pub const fn output(&self) -> Output {
@@ -36,6 +55,9 @@ impl Image {
     }
 
     pub fn set(&mut self, output: Output) {
+        if (self.output.control, self.output.gains) != (output.control, output.gains) {
+            self.revision = self.revision.wrapping_add(1);
+        }
         if self.output.gains != output.gains {
             self.gains = written(self.axis, output.gains);
         }
@@ -59,9 +81,30 @@ impl Image {
         data
     }
 
-    /// It has answered. Gives what is wanted now, where that has to change.
-    pub fn reported(&mut self, report: Report) -> Option<Control> {
-        let told = self.asked.take()?;
+    /// The cycle's frame says what is wanted now.
+    pub fn written(&mut self) {
+        self.sent = Told { control: self.output.control, revision: self.revision };
+    }
+
+    /// The cycle's frame, which asks it, is off the line.
+    pub fn told(&mut self) {
+        self.asked = Some(self.sent);
+    }
+
+    /// Whether it is yet to answer.
+    pub fn owes(&self) -> bool {
+        self.asked.is_some()
+    }
+
+    /// It has answered.
+    pub fn reported(&mut self, report: Report) -> Meaning {
+        let told = self.asked.take();
+        let current = told.is_some_and(|told| told.revision == self.revision);
+        let fell = told.and_then(|told| self.fell(told.control, report));
+        Meaning { current, fell }
+    }
+
+    fn fell(&mut self, told: Control, report: Report) -> Option<Control> {
         if !self.wants_current() || !matches!(told, Control::Hold | Control::Follow) {
             return None;
         }
@@ -73,8 +116,7 @@ impl Image {
                 return None;
             }
         };
-        self.output.control = to;
-        self.engaged &= self.wants_current();
+        self.set(Output { control: to, ..self.output });
         Some(to)
     }
 }
@@ -87,4 +129,41 @@ fn written(axis: Axis, gains: Gains) -> Vec<u8, MAX_DATA> {
         let _ = setting::push_gains(&mut data, axis.form, Gains::default());
     }
     data
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Form;
+
+    fn wanted(control: Control, set_point: i32) -> Output {
+        Output { control, set_point, ..Output::default() }
+    }
+
+    fn report() -> Report {
+        let (position, following_error, velocity, command) = (0, 0, 0.0, 0.0);
+        Report { state: State::Held, refused: None, position, following_error, velocity, command }
+    }
+
+    #[test]
+    fn an_answer_is_current_if_its_frame_said_what_is_wanted_now() {
+        let mut image = Image::new(Axis { address: 17, form: Form::Text });
+        let answer = |image: &mut Image| image.reported(report()).current;
+        image.set(wanted(Control::Hold, 0));
+        image.written();
+        image.told();
+        assert!(answer(&mut image));
+        assert!(!answer(&mut image), "nobody has asked");
+        image.told();
+        // There and back: the frame that has just gone may have been the last before it.
+        image.set(wanted(Control::Off, 0));
+        image.set(wanted(Control::Hold, 0));
+        assert!(!answer(&mut image));
+        image.told();
+        assert!(!answer(&mut image), "the frame was made before");
+        image.written();
+        image.told();
+        image.set(wanted(Control::Hold, 5));
+        assert!(answer(&mut image), "a set-point does not count");
+    }
 }

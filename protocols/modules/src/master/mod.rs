@@ -196,6 +196,11 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
         }
     }
 
+    /// The frame of the last [`Action::Transmit`]: it stays here until it is off the line.
+    pub fn sending(&self) -> &[u8] {
+        self.station.sent()
+    }
+
     /// When to poll again, besides after everything that is told to the master.
     pub fn poll_at(&self) -> Option<Instant> {
         let own = match self.phase {
@@ -262,7 +267,7 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
 
     /// The frame in work says what is wanted now.
     fn written(&mut self) {
-        self.axes.iter_mut().for_each(|image| image.sent = image.output().control);
+        self.axes.iter_mut().for_each(Image::written);
         self.changed = false;
         self.hurry = false;
         self.client_went = false;
@@ -305,7 +310,7 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
         }
         let mut asked = 0;
         for image in self.axes.iter_mut().filter(|image| image.ask) {
-            image.asked = Some(image.sent);
+            image.told();
             asked += 1;
         }
         self.phase = Phase::Answering(self.turns.reports_until(now, asked));
@@ -339,8 +344,11 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
     }
 
     fn reported(&mut self, now: Instant, axis: usize, report: Report) -> Action<'_> {
+        let mut current = false;
         if let Some(image) = self.axes.get_mut(axis) {
-            if let Some(to) = image.reported(report) {
+            let meaning = image.reported(report);
+            current = meaning.current;
+            if let Some(to) = meaning.fell {
                 self.changed = true;
                 self.fell = Some((axis, to));
             }
@@ -350,7 +358,7 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
         if matches!(self.phase, Phase::Answering(_)) && !self.axes.iter().any(|image| image.ask) {
             self.end_cycle(now);
         }
-        Action::Reported { axis, report }
+        Action::Reported { axis, report, current }
     }
 }
 
@@ -359,7 +367,7 @@ fn report_of(frame: &Frame<'_>, address: u8, axes: &[Image]) -> Option<(usize, R
     if frame.kind != Kind::Single(Class::Status) || frame.destination() != address {
         return None;
     }
-    let asked = |image: &Image| image.axis.address == frame.origin && image.asked.is_some();
+    let asked = |image: &Image| image.axis.address == frame.origin && image.owes();
     let axis = axes.iter().position(asked)?;
     Some((axis, Report::parse(frame.section_for(address)?.data)?))
 }

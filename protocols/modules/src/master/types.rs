@@ -52,6 +52,9 @@ pub enum Action<'a> {
         axis: usize,
         /// What it is at.
         report: Report,
+        /// It answers a frame that said what is wanted now, but for the set-point; otherwise it may tell of what was
+        /// before.
+        current: bool,
     },
     /// An axis that was asked has not answered in time. It still may.
     Missed {

@@ -1,9 +1,15 @@
-use puente_line::Duration;
+use puente_drives::edb::{Monitor, Registers, Status};
+use puente_drives::pid::{Cause as Fault, State};
+use puente_line::{Duration, Instant};
+use puente_modbus::Counters;
+use puente_modules::{Form, Report};
 
 use super::super::reply::BODY;
 use super::*;
-use crate::axis::Snapshot;
-use crate::desk::{Cause, Failure, Leased, Reason};
+use crate::axis::edb::{Jog, Snapshot};
+use crate::axis::{self, AxisError, AxisSpec, DriveSpec, Known};
+use crate::desk::{Cause, Event, Failure, Holder, Input, Leased, Reason, Statistics, View, Wish};
+use crate::settings;
 
 fn text(value: &impl Serialize) -> std::string::String {
     let mut buffer = [0; BODY];
@@ -11,37 +17,44 @@ fn text(value: &impl Serialize) -> std::string::String {
     core::str::from_utf8(&buffer[..length]).expect("text").into()
 }
 
-fn spec() -> AxisSpec {
+fn axis(name: &str, address: u8, drive: DriveSpec) -> axis::Axis {
     AxisSpec {
-        name: "x".try_into().expect("short"),
+        name: name.try_into().expect("short"),
         bus: 0,
-        bus_name: "a".try_into().expect("short"),
-        address: 1,
-        max_rpm: 3000,
-        registers: edb::Registers::default(),
+        bus_name: if name.len() > 1 { name } else { "a" }.try_into().expect("short"),
+        address,
+        drive,
     }
+    .into()
 }
 
-fn known(snapshot: Option<Snapshot>) -> Known {
-    Known { enabled: Some(true), jog: Jog::At(-100), snapshot }
+fn edb(max_rpm: u16) -> DriveSpec {
+    DriveSpec::Edb(axis::edb::Spec { max_rpm, registers: Registers::default() })
+}
+
+fn pid() -> DriveSpec {
+    DriveSpec::Pid(axis::pid::Spec { form: Form::Text, within: Duration::from_millis(100) })
+}
+
+fn known(enabled: Option<bool>, jog: Jog, snapshot: Option<Snapshot>) -> Known {
+    Known::Edb(axis::edb::Known { enabled, jog, snapshot })
 }
 
 #[test]
 fn an_axis_with_all_there_is() {
     let at = Instant::from_millis(1000);
-    let monitor = edb::Monitor {
+    let monitor = Monitor {
         speed_feedback: -99,
         internal_torque_reference: 7,
         position: -20_001,
         alarm: 14,
-        ..edb::Monitor::default()
+        ..Monitor::default()
     };
     let holder = Holder::Http(0x1A);
     let found = Findings {
         now: Instant::from_millis(1234),
-        spec: &spec(),
-        drive: "edb",
-        known: known(Some(Snapshot { at, status: Status(0x8163), monitor })),
+        axis: &axis("x", 1, edb(3000)),
+        known: known(Some(true), Jog::At(-100), Some(Snapshot { at, status: Status(0x8163), monitor })),
         lease: Some((holder, Duration::from_micros(180_999))),
         event: Some(Event { cause: Cause::Expired, holder, at }),
         error: None,
@@ -62,9 +75,8 @@ fn an_axis_never_heard() {
     let resting = Failure::NotSent(Reason::Resting(Duration::from_millis(4210)));
     let found = Findings {
         now: Instant::from_millis(1234),
-        spec: &spec(),
-        drive: "edb",
-        known: Known { enabled: None, jog: Jog::Unknown, snapshot: None },
+        axis: &axis("x", 1, edb(3000)),
+        known: known(None, Jog::Unknown, None),
         lease: None,
         event: None,
         error: Some(AxisError::Failure(resting)),
@@ -81,30 +93,84 @@ fn an_axis_never_heard() {
     assert!(text(&Axis::new(&exception)).contains("\"online\":true"), "an exception is an answer");
 }
 
+fn view(state: State) -> View {
+    let (following_error, velocity, command) = (-3, 250.5, -0.125);
+    let report = Report { state, refused: None, position: 1003, following_error, velocity, command };
+    let input = Input { at: Instant::from_millis(1000), report, current: true };
+    let gains = puente_drives::pid::Gains::new(0.5, 2.0, 0.0).expect("gains");
+    View { wish: Wish::Hold, gains, input: Some(input) }
+}
+
+#[test]
+fn a_module_with_all_there_is() {
+    let holder = Holder::Http(0x1A);
+    let mut found = Findings {
+        now: Instant::from_millis(1007),
+        axis: &axis("x", 17, pid()),
+        known: Known::Pid(view(State::Held)),
+        lease: Some((holder, Duration::from_millis(180))),
+        event: None,
+        error: None,
+    };
+    assert_eq!(
+        text(&Axis::new(&found)),
+        "{\"name\":\"x\",\"bus\":\"a\",\"address\":17,\"drive\":\"pid\",\"online\":true,\"enabled\":true,\
+         \"state\":\"held\",\"fault\":null,\"position\":1003,\"set_point\":1000,\"reference\":1000,\
+         \"velocity\":250.5,\"command_percent\":-12.5,\"gains\":{\"kp\":0.5,\"ki\":2.0,\"kd\":0.0},\"age_ms\":7,\
+         \"lease\":{\"holder\":\"web client 0000001a\",\"left_ms\":180},\"event\":null,\"error\":null}"
+    );
+    found.known = Known::Pid(view(State::Fault(Fault::Communication)));
+    let fault = text(&Axis::new(&found));
+    assert!(fault.contains("\"enabled\":false,\"state\":\"fault\",\"fault\":\"no set-points\""), "{fault}");
+    // Its last values, as long as it says no more.
+    found.error = Some(AxisError::Failure(Failure::NotSent(Reason::LineDown)));
+    let silent = text(&Axis::new(&found));
+    assert!(silent.contains("\"online\":false,\"enabled\":null,\"state\":\"fault\""), "{silent}");
+    found.known = Known::Pid(View::default());
+    let unheard = text(&Axis::new(&found));
+    assert!(
+        unheard.contains("\"state\":null,\"fault\":null,\"position\":null,\"set_point\":null"),
+        "{unheard}"
+    );
+}
+
+#[test]
+fn what_a_module_was_told() {
+    let told = |state, lease| text(&Commanded::new("x", Known::Pid(view(state)), lease));
+    assert_eq!(
+        told(State::Enabled, Some((Holder::Connection(3), Duration::from_millis(250)))),
+        "{\"axis\":\"x\",\"enabled\":true,\"state\":\"following\",\"set_point\":1000,\
+         \"lease\":{\"holder\":\"client 3\",\"left_ms\":250}}"
+    );
+    assert_eq!(
+        told(State::Disabled, None),
+        "{\"axis\":\"x\",\"enabled\":false,\"state\":\"disabled\",\"set_point\":1000,\"lease\":null}"
+    );
+}
+
 #[test]
 fn the_longest_fits_the_buffer() {
     let name: settings::Name = "abcdefghijklmnop".try_into().expect("short");
-    let spec =
-        AxisSpec { name: name.clone(), bus_name: name.clone(), address: 247, max_rpm: 32_767, ..spec() };
-    let longest = (0..64).max_by_key(|number| alarm_text(*number).len()).expect("an alarm");
-    let monitor = edb::Monitor {
+    let longest = (0..64)
+        .max_by_key(|number| puente_drives::edb::alarm_name(*number).unwrap_or("undefined").len())
+        .expect("an alarm");
+    let monitor = Monitor {
         speed_feedback: i16::MIN,
         internal_torque_reference: i16::MIN,
         position: i32::MIN,
         alarm: longest,
-        ..edb::Monitor::default()
+        ..Monitor::default()
     };
     let now = Instant::from_micros(u64::MAX);
     let holder = Holder::Connection(u32::MAX);
     let found = Findings {
         now,
-        spec: &spec,
-        drive: "edb",
-        known: Known {
-            enabled: Some(false),
-            jog: Jog::At(i16::MIN),
-            snapshot: Some(Snapshot { at: Instant::ZERO, status: Status(0xFFFF), monitor }),
-        },
+        axis: &axis(&name, 247, edb(32_767)),
+        known: known(
+            Some(false),
+            Jog::At(i16::MIN),
+            Some(Snapshot { at: Instant::ZERO, status: Status(0xFFFF), monitor }),
+        ),
         lease: Some((holder, Duration::MAX)),
         event: Some(Event { cause: Cause::StopUnconfirmed, holder, at: Instant::ZERO }),
         error: Some(AxisError::Leased(Leased::By(holder, Duration::MAX))),
@@ -152,7 +218,7 @@ fn the_longest_fits_the_buffer() {
             line_errors: most,
         },
     };
-    let length = text(&Bus::new(bus, &statistics)).len();
+    let length = text(&Bus::new(bus, &statistics, &Default::default(), false)).len();
     assert!(length > 1000, "{length}");
 }
 
@@ -164,15 +230,15 @@ fn parameters_and_commands() {
          \"max\":8,\"default\":5}"
     );
     assert_eq!(
-        text(&Commanded::new("x", known(None), None)),
+        text(&Commanded::new("x", known(Some(true), Jog::At(-100), None), None)),
         "{\"axis\":\"x\",\"enabled\":true,\"jog_rpm\":-100,\"lease\":null}"
     );
 }
 
 #[test]
 fn the_mean_latency_needs_a_reply() {
-    let none = Counted::new(&Statistics::default());
+    let none = bus::Counted::new(&Statistics::default());
     assert_eq!(none.latency_mean_us, None);
-    let some = Counted::new(&Statistics { confirmed: 3, latency_sum_us: 100, ..Statistics::default() });
+    let some = bus::Counted::new(&Statistics { confirmed: 3, latency_sum_us: 100, ..Statistics::default() });
     assert_eq!(some.latency_mean_us, Some(33));
 }

@@ -1,0 +1,164 @@
+//! What the console tells of an axis and of a bus.
+
+use core::fmt::Write;
+
+use puente_drives::pid::State;
+use puente_line::{Instant, micros, millis};
+
+use super::super::Gateway;
+use super::super::lines::Reply;
+use super::say;
+use crate::axis::edb::{self, Jog};
+use crate::axis::{Known, Snapshot, pid};
+use crate::clock;
+use crate::desk::{Event, Holder, View};
+use crate::settings;
+
+/// Values of an axis, who commands it, and how the last commander lost it.
+pub(super) fn axis(gateway: &Gateway, id: u8, snapshot: &Snapshot, reply: &mut Reply) {
+    let now = clock::now();
+    let (lease, event) = (gateway.axes.leased(id), gateway.axes.event(id));
+    match snapshot {
+        Snapshot::Edb(snapshot) => {
+            if let Ok(Known::Edb(known)) = gateway.axes.known(id) {
+                edb(now, snapshot, &known, reply);
+            }
+            lease.inspect(|lease| self::lease(lease, reply));
+            event.inspect(|event| self::event(now, event, reply));
+        }
+        Snapshot::Pid(view) => {
+            pid(now, view, reply);
+            match &lease {
+                Some(lease) => self::lease(lease, reply),
+                None => say(reply, format_args!(" lease=none")),
+            }
+            match &event {
+                Some(event) => self::event(now, event, reply),
+                None => say(reply, format_args!(" event=none")),
+            }
+        }
+    }
+}
+
+fn edb(now: Instant, snapshot: &edb::Snapshot, known: &edb::Known, reply: &mut Reply) {
+    let edb::Snapshot { at, status, monitor } = snapshot;
+    say(reply, format_args!(" status={:04X} flags={status}", status.0));
+    match known.enabled {
+        Some(enabled) => say(reply, format_args!(" enabled={}", u8::from(enabled))),
+        None => say(reply, format_args!(" enabled=?")),
+    }
+    match known.jog {
+        Jog::Still => say(reply, format_args!(" jog_rpm=0")),
+        Jog::At(rpm) => say(reply, format_args!(" jog_rpm={rpm}")),
+        Jog::Unknown => say(reply, format_args!(" jog_rpm=?")),
+    }
+    say(
+        reply,
+        format_args!(
+            " speed_rpm={} torque_percent={} position_pulses={} alarm={} age_ms={}",
+            monitor.speed_feedback,
+            monitor.internal_torque_reference,
+            monitor.position,
+            monitor.alarm,
+            millis(now.since(*at))
+        ),
+    );
+}
+
+fn pid(now: Instant, view: &View, reply: &mut Reply) {
+    let (Some(input), Some(set_point)) = (view.input, pid::set_point(view)) else { return };
+    let report = input.report;
+    say(reply, format_args!(" state={}", pid::state(report.state)));
+    if let State::Fault(cause) = report.state {
+        say(reply, format_args!(" fault=\"{cause}\""));
+    }
+    let permille = pid::permille(&report);
+    say(
+        reply,
+        format_args!(
+            " position={} velocity={} set_point={set_point} following_error={} command_percent={}{}.{} age_ms={}",
+            report.position,
+            report.velocity as i32,
+            report.following_error,
+            if permille < 0 { "-" } else { "" },
+            permille.unsigned_abs() / 10,
+            permille.unsigned_abs() % 10,
+            millis(now.since(input.at))
+        ),
+    );
+}
+
+fn lease((holder, left): &(Holder, puente_line::Duration), reply: &mut Reply) {
+    say(reply, format_args!(" lease=\"{holder}\" lease_ms={}", millis(*left)));
+}
+
+fn event(now: Instant, event: &Event, reply: &mut Reply) {
+    say(reply, format_args!(" event={} event_age_ms={}", event.cause.name(), millis(now.since(event.at))));
+}
+
+/// Settings of a bus, and what was counted on it.
+pub(super) fn bus(gateway: &Gateway, bus: u8, reply: &mut Reply) {
+    let Some(settings) = gateway.settings.buses.get(usize::from(bus)) else { return };
+    let settings::Bus { name, protocol, port, baud, format, .. } = settings;
+    say(
+        reply,
+        format_args!("ok bus={name} protocol={} port={port} baud={baud} format={format}", protocol.name()),
+    );
+    match settings.framed() {
+        Some(framed) => self::framed(gateway, bus, framed, reply),
+        None => modbus(gateway, bus, reply),
+    }
+}
+
+fn framed(gateway: &Gateway, bus: u8, framed: &settings::Framed, reply: &mut Reply) {
+    let Some(counted) = gateway.desk.cycles(bus) else { return };
+    let line = &counted.line;
+    say(
+        reply,
+        format_args!(
+            " station={} line={} cycle_ms={} cycle_us={} longest_us={} cycles={} given_up={} overruns={} missed={}",
+            framed.station,
+            if gateway.desk.line_down(bus) { "down" } else { "up" },
+            framed.cycle_ms,
+            micros(counted.last_cycle),
+            micros(counted.longest_cycle),
+            counted.cycles,
+            counted.failed,
+            counted.overruns,
+            counted.missed,
+        ),
+    );
+    say(
+        reply,
+        format_args!(
+            " frames={} attempts={} collisions={} deferrals={} losses={} backoff_us={}",
+            line.frames,
+            line.attempts,
+            line.collisions,
+            line.deferrals,
+            line.losses,
+            micros(line.backoff),
+        ),
+    );
+}
+
+fn modbus(gateway: &Gateway, bus: u8, reply: &mut Reply) {
+    let Some(counted) = gateway.desk.statistics(bus) else { return };
+    let mean = counted.latency_sum_us / u64::from(counted.confirmed.max(1));
+    let _ = write!(
+        reply,
+        " requests={} confirmed={} exceptions={} no_reply={} \
+         not_sent={} late={} bad_check={} garbage={} echoes={} waiting={} resting={} mean_us={mean}",
+        counted.submitted,
+        counted.confirmed,
+        counted.exceptions,
+        counted.no_reply,
+        counted.expired + counted.rested + counted.stopped + counted.line_down + counted.queue_full,
+        counted.line.late,
+        counted.line.check_errors,
+        counted.line.garbage_bytes,
+        counted.line.echoes,
+        counted.waiting,
+        counted.resting,
+    );
+}
