@@ -221,7 +221,7 @@ impl Axes {
         let duty = self.desk.revoke(clock::now(), id, by.holder);
         match &axis.drive {
             Drive::Edb(edb) => edb.disable(&self.link(axis, by)).await?,
-            Drive::Pid(spec) => self.module(id, axis.bus, *spec).disable().await?,
+            Drive::Pid(spec) => self.module(id, axis.bus, *spec).off(None).await?,
         }
         duty.done();
         Ok(())
@@ -347,7 +347,7 @@ impl Axes {
         let _turn = axis.turn.lock().await;
         match &axis.drive {
             Drive::Edb(edb) => edb.clear(&self.link(axis, by), permit).await?,
-            Drive::Pid(spec) => self.module(id, axis.bus, *spec).clear(permit).await?,
+            Drive::Pid(spec) => self.module(id, axis.bus, *spec).off(Some(permit)).await?,
         }
         self.desk.release(permit);
         self.desk.clear_event(id);

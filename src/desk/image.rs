@@ -124,6 +124,8 @@ impl View {
         };
         if input.current && done {
             self.wish = Wish::Observe;
+            // That the module hears of it is yet to come.
+            self.input = Some(Input { current: false, ..input });
         }
     }
 }

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use puente_line::Settings;
 use puente_modbus::Mode;
 
+use super::table::Table;
 use super::wire::{Place, Wire};
 use super::{Gateway, target};
 
@@ -57,6 +58,26 @@ impl Document {
         let _ = write!(
             self.axes,
             "[[axis]]\nname = \"{name}\"\nbus = \"{bus}\"\ndrive = \"edb\"\naddress = {address}\n{more}\n"
+        );
+        self
+    }
+
+    /// With a framed bus on a connector of a line, and `more` keys of it.
+    pub fn framed(mut self, name: &str, table: &Table, connector: usize, more: &str) -> Self {
+        let Settings { baud, format } = table.line;
+        let (place, live) = table.connector(connector);
+        let keys = format!(
+            "name = \"{name}\"\nprotocol = \"framed\"\nbaud = {baud}\nformat = \"{format}\"\n{more}\n"
+        );
+        self.buses.push(Bus { place, live, keys });
+        self
+    }
+
+    /// With a PID module on a bus, and `more` keys of its axis.
+    pub fn module(mut self, name: &str, bus: &str, address: u8, more: &str) -> Self {
+        let _ = write!(
+            self.axes,
+            "[[axis]]\nname = \"{name}\"\nbus = \"{bus}\"\ndrive = \"pid\"\naddress = {address}\n{more}\n"
         );
         self
     }

@@ -135,7 +135,8 @@ impl Gateway {
         gateway
     }
 
-    fn on_host(document: &Document) -> Self {
+    /// Starts the program on this machine, whatever the target is.
+    pub fn on_host(document: &Document) -> Self {
         Self::on_host_with(document, None)
     }
 
@@ -255,6 +256,18 @@ impl Gateway {
         let kill = Command::new("kill").args(["-TERM", &child.id().to_string()]).status();
         assert!(kill.expect("kill").success());
         child.wait().expect("its end")
+    }
+
+    /// Ends it at once, as a crash or the loss of power does: the program by SIGKILL, a board with its emulator.
+    pub fn kill(&mut self) {
+        match std::mem::replace(&mut self.process, Process::Ended) {
+            Process::Host(mut child) => {
+                child.kill().expect("killed");
+                child.wait().expect("its end");
+            }
+            Process::Board(board) => drop(board),
+            Process::Ended => panic!("it has ended"),
+        }
     }
 
     /// The process that it runs in.

@@ -8,6 +8,7 @@ pub mod ethernet;
 mod gateway;
 pub mod http;
 pub mod rig;
+pub mod table;
 mod target;
 pub mod wire;
 
@@ -38,7 +39,7 @@ pub fn thesis() -> Settings {
     Settings { baud: 9_600, format: "8O1".parse().expect("a format") }
 }
 
-pub fn ms(milliseconds: u64) -> Duration {
+pub const fn ms(milliseconds: u64) -> Duration {
     Duration::from_millis(milliseconds)
 }
 

@@ -148,3 +148,23 @@ fn what_a_device_has_not_sent_is_dropped() {
     }
     assert!(got.len() < written, "{} of {written} bytes", got.len());
 }
+
+/// What is discarded of a simulated framed line is not heard, what was under way before is.
+#[test]
+fn a_simulated_framed_line_gives_back_what_is_sent() {
+    // 1 ms a character.
+    let settings = Settings { baud: 10_000, ..settings() };
+    let cell = || Simulation::Framed(puente_cell::framed::Config::new(settings, &[17]));
+    let mut line = Line::new(LineSpec::parse("sim", settings, cell).expect("a line"));
+    let (mut reader, mut writer) = line.split();
+    run(writer.write_all(b"a")).expect("sent");
+    assert_eq!(run(read_exactly(&mut reader, 1)), b"a");
+    run(writer.write_all(&[b'b'; 60_000])).expect("sent");
+    writer.discard();
+    run(writer.write_all(b"jam")).expect("sent");
+    let mut heard = Vec::new();
+    while !heard.ends_with(b"jam") {
+        heard.extend(run(read_exactly(&mut reader, 1)));
+    }
+    assert!(heard.len() < 60_000, "{}", heard.len());
+}

@@ -16,6 +16,7 @@ const REST: Duration = Duration::from_micros(100);
 /// The ports of a framed cell, and the clock that it goes by.
 pub struct Ports {
     ports: Vec<Port>,
+    connected: Vec<bool>,
     start: std::time::Instant,
     buffer: Vec<u8>,
 }
@@ -23,12 +24,18 @@ pub struct Ports {
 impl Ports {
     /// One for each port of the cell, whose clock starts now.
     pub fn new(ports: Vec<Port>) -> Self {
-        Self { ports, start: std::time::Instant::now(), buffer: Vec::new() }
+        let connected = vec![true; ports.len()];
+        Self { ports, connected, start: std::time::Instant::now(), buffer: Vec::new() }
     }
 
     /// The time.
     pub fn now(&self) -> Instant {
         Instant::from_micros(self.start.elapsed().as_micros() as u64)
+    }
+
+    /// Takes a port from the line, or puts it there again. While it is not there, what comes and goes is lost.
+    pub fn connect(&mut self, port: usize, connected: bool) {
+        self.connected[port] = connected;
     }
 
     /// Carries what has come from the ports to the cell, and what has been on the line to the ports.
@@ -37,10 +44,10 @@ impl Ports {
             loop {
                 let received = self.ports[at].receive(&mut self.buffer)?;
                 let now = self.now();
-                if !self.buffer.is_empty() {
+                if self.connected[at] && !self.buffer.is_empty() {
                     cell.receive(at, now, &self.buffer);
-                    self.buffer.clear();
                 }
+                self.buffer.clear();
                 match received {
                     Received::Bytes => {}
                     Received::Discard => cell.discard(at, now),
@@ -50,7 +57,7 @@ impl Ports {
         }
         let now = self.now();
         for (at, port) in self.ports.iter_mut().enumerate() {
-            if let Some(bytes) = cell.poll(at, now) {
+            if let Some(bytes) = cell.poll(at, now).filter(|_| self.connected[at]) {
                 port.write(&bytes)?;
             }
         }
