@@ -103,8 +103,8 @@ function limits(values) {
 }
 
 function grid(axis, low, high, y) {
-  const decade = 10 ** Math.floor(Math.log10((high - low) / 4));
-  const step = [1, 2, 5, 10].map((factor) => factor * decade).find((size) => (high - low) / size <= 4);
+  const decade = 10 ** Math.floor(Math.log10((high - low) / 5));
+  const step = [1, 2, 5, 10].map((factor) => factor * decade).find((size) => (high - low) / size <= 5);
   const ticks = [];
   for (let value = Math.ceil(low / step) * step; value <= high; value += step) ticks.push(value);
   axis.part("grid").setAttribute("d", ticks.map((value) => `M0 ${y(value)}H1000`).join(""));
