@@ -101,7 +101,7 @@ libfuzzer_sys::fuzz_target!(|data: &[u8]| {
             if status.state != State::Disabled && state == State::Disabled {
                 assert_eq!(status.state, State::Starting);
                 assert!(node.commander().is_some());
-            } else {
+            } else if state != State::Disabled {
                 assert_eq!(node.commander(), before.1, "who commands changes with an enable only");
             }
         }
