@@ -5,6 +5,7 @@
 
 pub mod edb;
 mod error;
+mod framed;
 mod link;
 pub mod pid;
 mod raw;
@@ -16,6 +17,7 @@ use puente_drives::pid::Gains;
 use puente_line::Duration;
 
 pub use error::AxisError;
+pub use framed::FrameRuling;
 pub use raw::Ruling;
 
 use crate::clock;

@@ -231,6 +231,11 @@ impl Desk {
         });
     }
 
+    /// Nothing: the holder of the lease commands the axis past the image.
+    pub fn observe(&self, now: Instant, permit: Permit) {
+        self.want(now, permit, |view| view.want(Wish::Observe));
+    }
+
     /// The pump hears of a change, and so does who waits for it.
     fn on_slot<T>(&self, now: Instant, axis: u8, f: impl FnOnce(&mut State) -> Option<T>) -> Option<T> {
         let (result, bus) = self.with(|state| {

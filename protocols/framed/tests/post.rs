@@ -11,7 +11,7 @@ use puente_framed::station::{Action, Config, PostError};
 use puente_framed::{Class, Kind, Number, Session, Station};
 use puente_line::Instant;
 
-type Own = Station<2, 4, 32, 128>;
+type Own = Station<2, 2, 4, 32, 128>;
 
 const SINGLE: Kind = Kind::Single(Class::Data);
 

@@ -31,3 +31,5 @@ pub const SHEETS: usize = 3;
 pub const JOURNAL: usize = 3072;
 /// Longest line of the log, in bytes.
 pub const JOURNAL_LINE: usize = 160;
+/// Bytes of frames heard on a framed bus that are kept for clients: the longest has room.
+pub const HEARD: usize = 1540;

@@ -21,16 +21,13 @@ pub use types::{Action, Config, Loop};
 pub struct Node<const PEERS: usize, const W: usize, const N: usize> {
     address: u8,
     form: Form,
-    station: Station<PEERS, W, EVENT, N>,
+    station: Station<PEERS, 0, W, { event::BODY }, N>,
     authority: Authority,
     turns: Turns,
     answer: Option<Answer>,
     /// What the commander has not been told yet.
     event: Option<(u8, Event)>,
 }
-
-/// Bytes of the one section of an event.
-const EVENT: usize = section::OVERHEAD + 1;
 
 /// What was asked.
 #[derive(Clone, Copy, Debug)]
@@ -81,6 +78,11 @@ impl<const PEERS: usize, const W: usize, const N: usize> Node<PEERS, W, N> {
     /// A character is arriving; see [`puente_framed::Arbiter::carrier`].
     pub fn carrier(&mut self, now: Instant) {
         self.station.carrier(now);
+    }
+
+    /// Whether there is something to do at once; see [`Station::is_pressing`].
+    pub fn is_pressing(&self) -> bool {
+        self.station.is_pressing()
     }
 
     /// What to do now. The loop is told and asked in here.

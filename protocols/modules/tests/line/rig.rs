@@ -133,7 +133,7 @@ impl ModuleSide {
 
 /// A bare station that says what it is given.
 pub struct Ghost {
-    pub station: puente_framed::Station<1, 1, 16, MAX_FRAME>,
+    pub station: puente_framed::Station<0, 0, 1, 16, MAX_FRAME>,
     pub frames: Vec<Vec<u8>>,
     /// Frames heard, whole.
     pub heard: Vec<Vec<u8>>,
