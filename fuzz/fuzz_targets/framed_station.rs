@@ -11,7 +11,7 @@ use puente_framed::{Class, Kind, Number, Reason, Session, Station, section};
 use puente_fuzz::{Operands, line};
 use puente_line::Instant;
 
-type Own = Station<2, 4, 77, 96>;
+type Own = Station<2, 2, 4, 77, 96>;
 
 /// A well-formed frame from somebody else, of any kind.
 fn foreign(operands: &mut Operands<'_>, session: Session) -> Vec<u8> {

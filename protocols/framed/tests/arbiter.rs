@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use common::line;
 use puente_framed::Arbiter;
-use puente_framed::arbiter::{Action, Config, Failure, JAM, Policy, Precedence};
+use puente_framed::arbiter::{Action, Config, Echo, Failure, JAM, Policy, Precedence};
 use puente_line::Instant;
 
 const FRAME: &[u8] = b"\x7e\x01what is said\x0a";
@@ -27,13 +27,17 @@ impl Rig {
         let config = Config { policy, ..Config::new(line()) };
         let now = Instant::from_millis(1_000);
         let mut rig = Self { config, arbiter: Arbiter::new(config, now, seed), now };
-        rig.now += config.gap;
+        rig.now += config.gap + config.deference;
         rig
     }
 
     fn submit(&mut self) {
+        self.submit_as(Precedence::Answer);
+    }
+
+    fn submit_as(&mut self, precedence: Precedence) {
         self.arbiter
-            .submit(self.now, Precedence::Answer, |buffer| {
+            .submit(self.now, precedence, |buffer| {
                 buffer.clear();
                 buffer.extend_from_slice(FRAME)
             })
@@ -88,7 +92,7 @@ enum Said {
 #[test]
 fn on_a_free_line_a_frame_goes_at_once() {
     let mut rig = Rig::new(Policy::Truncated, 1);
-    rig.submit();
+    rig.submit_as(Precedence::Ordinary);
     assert_eq!(rig.wait(), (Duration::ZERO, Said::Transmit(FRAME.to_vec())));
     rig.hear(FRAME);
     assert_eq!(rig.wait(), (Duration::ZERO, Said::Done(Ok(()))));
@@ -96,8 +100,96 @@ fn on_a_free_line_a_frame_goes_at_once() {
     assert_eq!((statistics.frames, statistics.attempts, statistics.collisions), (1, 1, 0));
     assert_eq!((statistics.deferrals, statistics.losses), (0, 0));
     // Its next one waits until others have had their turn.
-    rig.submit();
+    rig.submit_as(Precedence::Ordinary);
     assert_eq!(rig.wait().0, rig.config.gap + rig.config.rest);
+    rig.hear(FRAME);
+    rig.wait();
+    // But not after an answer.
+    let mut rig = Rig::new(Policy::Truncated, 1);
+    rig.submit();
+    rig.wait();
+    rig.hear(FRAME);
+    rig.wait();
+    rig.submit_as(Precedence::Ordinary);
+    assert_eq!(rig.wait().0, rig.config.gap + rig.config.deference);
+}
+
+/// What answers nothing leaves more than a gap, so that an answer has begun by then.
+#[test]
+fn answers_go_first() {
+    let mut rig = Rig::new(Policy::Truncated, 1);
+    rig.hear(&[1]);
+    rig.submit_as(Precedence::Ordinary);
+    let (waited, said) = rig.wait();
+    assert_eq!((waited, said), (rig.config.gap + rig.config.deference, Said::Transmit(FRAME.to_vec())));
+    let mut rig = Rig::new(Policy::Truncated, 1);
+    rig.hear(&[1]);
+    rig.submit();
+    assert_eq!(rig.wait().0, rig.config.gap);
+}
+
+/// The frame counts as sent when its time is over, and whatever is heard meanwhile is no collision.
+#[test]
+fn without_an_echo_time_alone_says_that_a_frame_is_sent() {
+    let mut rig = Rig::new(Policy::Truncated, 1);
+    let config = Config { echo: Echo::None, ..rig.config };
+    rig.arbiter = Arbiter::new(config, Instant::from_millis(900), 1);
+    rig.submit_as(Precedence::Ordinary);
+    assert_eq!(rig.wait(), (Duration::ZERO, Said::Transmit(FRAME.to_vec())));
+    let begun = rig.now;
+    rig.hear(&[0x55]);
+    rig.arbiter.line_error(rig.now);
+    let (_, said) = rig.wait();
+    let time = line().wire_time(FRAME.len());
+    assert_eq!((rig.now.since(begun), said), (time, Said::Done(Ok(()))));
+    // The gap, and the rest, count from there.
+    rig.submit_as(Precedence::Ordinary);
+    assert_eq!(rig.wait().0, config.gap + config.rest);
+    let statistics = rig.arbiter.statistics();
+    assert_eq!((statistics.frames, statistics.attempts, statistics.collisions), (1, 2, 0));
+}
+
+#[test]
+fn a_frame_that_waits_can_be_changed_or_taken_back() {
+    let other = |buffer: &mut heapless::Vec<u8, 64>| {
+        buffer.clear();
+        buffer.extend_from_slice(b"other")
+    };
+    let mut rig = Rig::new(Policy::Truncated, 1);
+    assert!(!rig.arbiter.rewrite(other) && !rig.arbiter.withdraw(), "there is none");
+    rig.hear(&[1]);
+    rig.submit();
+    assert!(rig.arbiter.is_waiting() && rig.arbiter.rewrite(other));
+    assert_eq!(rig.wait(), (rig.config.gap, Said::Transmit(b"other".to_vec())));
+    assert!(!rig.arbiter.rewrite(other) && !rig.arbiter.withdraw(), "it is on the line");
+    rig.hear(b"other");
+    assert_eq!(rig.wait().1, Said::Done(Ok(())));
+    rig.submit();
+    assert!(rig.arbiter.withdraw());
+    assert!(!rig.arbiter.is_busy() && rig.arbiter.poll_at().is_none());
+    rig.submit();
+    assert!(!rig.arbiter.rewrite(|_| Err(())), "it could not be made");
+    assert!(!rig.arbiter.is_busy(), "so there is none");
+}
+
+/// After a collision the back-off goes on, whatever the frame says then.
+#[test]
+fn a_changed_frame_waits_as_long_as_the_last_one() {
+    let waited = |change: bool| {
+        let mut rig = Rig::new(Policy::Truncated, 5);
+        rig.submit();
+        rig.wait();
+        rig.hear(&[!FRAME[0]]);
+        assert!(matches!(rig.wait().1, Said::Jam(_)));
+        rig.hear(&JAM);
+        rig.now += line().wire_time(1);
+        assert_eq!(rig.arbiter.poll(rig.now), Action::Idle);
+        if change {
+            assert!(rig.arbiter.rewrite(|buffer| buffer.push(7)));
+        }
+        rig.wait().0
+    };
+    assert_eq!(waited(true), waited(false));
 }
 
 #[test]

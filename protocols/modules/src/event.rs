@@ -2,8 +2,12 @@
 //! [report](crate::report).
 
 use puente_drives::pid::Event;
+use puente_framed::section;
 
 use crate::report::{cause_code, cause_of};
+
+/// Bytes of an event's one section.
+pub const BODY: usize = section::OVERHEAD + 1;
 
 /// Reads DAT; `None` unless it is an event.
 pub fn parse(data: &[u8]) -> Option<Event> {

@@ -15,6 +15,10 @@ use crate::clock;
 /// is first.
 const REST: Duration = Duration::from_micros(200);
 
+/// A framed line that is looked at later than this stands still for what is above it: a PC that is held up does not tell
+/// in time that its simulation waits, and the modules' supervision would take that for the death of the gateway.
+const STALL: Duration = Duration::from_millis(20);
+
 /// What is simulated.
 #[derive(Clone, Debug)]
 pub enum Simulation {
@@ -35,7 +39,36 @@ pub(super) struct Sim {
 
 enum Kind {
     Modbus(Box<Cell>),
-    Framed(Box<framed::Cell>),
+    Framed(Box<framed::Cell>, Course),
+}
+
+/// The time of a simulation that stands still where its PC is held up.
+#[derive(Default)]
+struct Course {
+    /// When it was to be looked at, by its own time.
+    due: Instant,
+    /// How long it has stood still.
+    stood: Duration,
+}
+
+impl Course {
+    /// Its own time.
+    fn now(&mut self, now: Instant) -> Instant {
+        let own = Instant::ZERO + now.since(Instant::ZERO + self.stood);
+        let late = own.since(self.due);
+        if late <= STALL {
+            return own;
+        }
+        self.stood += late - STALL;
+        self.due + STALL
+    }
+
+    /// It is to be looked at, at the latest, at a moment of its own time that is not before `own`: when that is.
+    fn look_at(&mut self, own: Instant, next: Option<Instant>) -> Option<Instant> {
+        let next = next.map(|next| next.max(own + REST));
+        self.due = next.unwrap_or(own);
+        next.map(|next| next + self.stood)
+    }
 }
 
 impl Sim {
@@ -44,7 +77,10 @@ impl Sim {
             Simulation::Modbus(config) => Kind::Modbus(Box::new(Cell::new(config))),
             Simulation::Framed(config) => {
                 let cell = framed::Cell::new(config).map_err(|error| io::Error::other(error.to_string()))?;
-                Kind::Framed(Box::new(cell))
+                Kind::Framed(
+                    Box::new(cell),
+                    Course { due: Instant::ZERO, stood: clock::now().since(Instant::ZERO) },
+                )
             }
         };
         Ok(Self { cell: RefCell::new(cell), rest: RefCell::default(), written: Signal::new() })
@@ -72,7 +108,7 @@ impl Sim {
         let now = clock::now();
         match &mut *self.cell.borrow_mut() {
             Kind::Modbus(cell) => cell.receive(now, bytes),
-            Kind::Framed(cell) => cell.receive(0, now, bytes),
+            Kind::Framed(cell, course) => cell.receive(0, course.now(now), bytes),
         }
         self.written.signal(());
         bytes.len()
@@ -80,8 +116,8 @@ impl Sim {
 
     /// Drops what is not on the line yet, of a framed one.
     pub(super) fn discard(&self) {
-        if let Kind::Framed(cell) = &mut *self.cell.borrow_mut() {
-            cell.discard(0, clock::now());
+        if let Kind::Framed(cell, course) = &mut *self.cell.borrow_mut() {
+            cell.discard(0, course.now(clock::now()));
         }
     }
 
@@ -89,7 +125,7 @@ impl Sim {
     pub(super) fn carrier(&self) -> bool {
         match &mut *self.cell.borrow_mut() {
             Kind::Modbus(_) => false,
-            Kind::Framed(cell) => cell.carrier(0, clock::now()),
+            Kind::Framed(cell, course) => cell.carrier(0, course.now(clock::now())),
         }
     }
 }
@@ -99,7 +135,32 @@ impl Kind {
     fn poll(&mut self, now: Instant) -> (Option<Vec<u8>>, Option<Instant>) {
         match self {
             Self::Modbus(cell) => (cell.poll(now), cell.poll_at()),
-            Self::Framed(cell) => (cell.poll(0, now), cell.poll_at().map(|at| at.max(now + REST))),
+            Self::Framed(cell, course) => {
+                let own = course.now(now);
+                (cell.poll(0, own), course.look_at(own, cell.poll_at()))
+            }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn at(millis: u64) -> Instant {
+        Instant::from_millis(millis)
+    }
+
+    #[test]
+    fn a_simulation_stands_still_where_its_pc_is_held_up() {
+        let mut course = Course::default();
+        assert_eq!(course.now(at(5)), at(5), "in time");
+        assert_eq!(course.look_at(at(5), Some(at(10))), Some(at(10)));
+        assert_eq!(course.now(at(30)), at(30), "late, as any PC is now and then");
+        assert_eq!(course.look_at(at(30), Some(at(31))), Some(at(31)));
+        assert_eq!(course.now(at(200)), at(51), "held up");
+        assert_eq!(course.now(at(201)), at(51), "the same, before anything was done about it");
+        assert_eq!(course.look_at(at(51), Some(at(52))), Some(at(202)), "by the clock of the PC");
+        assert_eq!(course.now(at(203)), at(53), "it goes on from there");
     }
 }

@@ -7,12 +7,12 @@ use puente_line::Instant;
 use crate::heard::{Drive, Heard, Node};
 
 /// What a station is for: where its frames come from, and what becomes of those it gets.
-pub trait Application<const PEERS: usize, const W: usize, const M: usize, const N: usize> {
+pub trait Application<const TO: usize, const FROM: usize, const W: usize, const M: usize, const N: usize> {
     /// Something has come, or is done: never `Transmit`, `Jam` or `Idle`.
     fn take(&mut self, now: Instant, action: Action<'_>);
 
     /// May give the station something to do.
-    fn drive(&mut self, now: Instant, station: &mut Station<PEERS, W, M, N>);
+    fn drive(&mut self, now: Instant, station: &mut Station<TO, FROM, W, M, N>);
 
     /// When to be asked again, besides after [`Application::take`].
     fn drive_at(&self) -> Option<Instant> {
@@ -21,16 +21,17 @@ pub trait Application<const PEERS: usize, const W: usize, const M: usize, const 
 }
 
 /// A [`Station`] with its application.
-pub struct Framed<A, const PEERS: usize, const W: usize, const M: usize, const N: usize> {
+pub struct Framed<A, const TO: usize, const FROM: usize, const W: usize, const M: usize, const N: usize> {
     /// What it is for.
     pub application: A,
     /// The station; after something was done to it, [`crate::Line::tell`] must have been called.
-    pub station: Station<PEERS, W, M, N>,
+    pub station: Station<TO, FROM, W, M, N>,
 }
 
-impl<A, const PEERS: usize, const W: usize, const M: usize, const N: usize> Node for Framed<A, PEERS, W, M, N>
+impl<A, const TO: usize, const FROM: usize, const W: usize, const M: usize, const N: usize> Node
+    for Framed<A, TO, FROM, W, M, N>
 where
-    A: Application<PEERS, W, M, N>,
+    A: Application<TO, FROM, W, M, N>,
 {
     fn hear(&mut self, now: Instant, heard: Heard) {
         match heard {

@@ -167,7 +167,7 @@ fn a_station_outside_gets_on_with_rivals() {
         let talker = Talker::new(own.arbiter, frame_of(address, 250, 51), load, address.into());
         line.join(Either::Rival(Box::new(talker)), Place::new(fast()));
     }
-    let mut station = Station::<1, 1, 32, MAX_FRAME>::new(own, Instant::ZERO, 7);
+    let mut station = Station::<0, 0, 1, 32, MAX_FRAME>::new(own, Instant::ZERO, 7);
     let mut body = heapless::Vec::<u8, 64>::new();
     section::push(&mut body, 250, &[0x33; 40]).expect("room");
     let (mut outcomes, mut on_the_way) = (Vec::new(), Vec::new());
@@ -191,7 +191,7 @@ fn a_station_outside_gets_on_with_rivals() {
 
 /// Does what the station outside wants.
 fn act(
-    station: &mut Station<1, 1, 32, MAX_FRAME>,
+    station: &mut Station<0, 0, 1, 32, MAX_FRAME>,
     now: Instant,
     outside: &mut External,
     outcomes: &mut Vec<Result<(), Failure>>,

@@ -148,14 +148,14 @@ struct Posts {
     outcomes: Vec<Result<(), Failure>>,
 }
 
-impl Application<1, 1, BODY, LONGEST> for Poster {
+impl Application<0, 0, 1, BODY, LONGEST> for Poster {
     fn take(&mut self, _now: Instant, action: Action<'_>) {
         if let Action::Posted(outcome) = action {
             self.0.borrow_mut().outcomes.push(outcome);
         }
     }
 
-    fn drive(&mut self, now: Instant, station: &mut Station<1, 1, BODY, LONGEST>) {
+    fn drive(&mut self, now: Instant, station: &mut Station<0, 0, 1, BODY, LONGEST>) {
         if std::mem::take(&mut self.0.borrow_mut().due) {
             station.post(now, Kind::Plain, &message(1, 17, 0)).expect("nothing is in work");
         }

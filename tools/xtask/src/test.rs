@@ -67,7 +67,8 @@ fn lints() -> Outcome {
 fn firmware_lints() -> Outcome {
     component("clippy", "clippy")?;
     let cross = Cross::find()?;
-    for board in BOARDS.iter().chain([&EMULATED, &emulated(Program::AxisModule)]) {
+    let emulated = [Program::Gateway, Program::AxisModule, Program::LoopCost].map(emulated);
+    for board in BOARDS.iter().chain(&emulated) {
         let mut clippy = firmware::of_board(cross.cargo("clippy"), board);
         run_command(clippy.args(["--lib", "--quiet", "--", "-D", "warnings"]))?;
     }

@@ -103,7 +103,7 @@ impl<const N: usize> Arbiter<N> {
         write(&mut self.frame).map_err(Some)?;
         self.precedence = precedence;
         self.state = State::Waiting { collisions: 0, backoff: Backoff::Until(now.max(self.rested_at)) };
-        if now < self.gap_ends() {
+        if now < self.turn() {
             count(&mut self.statistics.deferrals);
             // It has its own time to wait: were it given up at once, its owner would try for ever.
             self.busy_from = now;
@@ -284,7 +284,9 @@ impl<const N: usize> Arbiter<N> {
     /// The frame has been on the line, whole.
     fn succeed(&mut self, now: Instant) {
         count(&mut self.statistics.frames);
-        self.rested_at = now + self.config.gap + self.config.rest;
+        if self.precedence == Precedence::Ordinary {
+            self.rested_at = now + self.config.gap + self.config.rest;
+        }
         self.state = State::Finished(Ok(()));
     }
 

@@ -22,7 +22,7 @@ pub struct Config {
     pub slot: Duration,
     /// What a station adds to the gap after a frame of its own. IEEE 802.3 has no such thing, and there a station that has
     /// just sent meets all that waited for it without a back-off, wins again and again, and starves them. With a slot,
-    /// those that wait come first, and so does the answer to the frame.
+    /// those that wait come first, and so does the answer to the frame. After an answer there is no rest: another has asked.
     pub rest: Duration,
     /// Collisions in a row after which a frame is given up, at least 1.
     pub attempts: u8,

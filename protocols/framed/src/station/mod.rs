@@ -1,5 +1,6 @@
 //! A station: decoder, arbiter and windows together.
 
+mod links;
 mod post;
 mod types;
 
@@ -11,37 +12,31 @@ pub use types::{Action, Config, PostError};
 use crate::arbiter::{self, Arbiter, Precedence, Statistics};
 use crate::frame::{self, Frame, Kind};
 use crate::section::{self, Sections};
+use links::Link;
+
 use crate::window::{self, Receiver, Refused, Sender, Ticket};
 use crate::{Class, Decoder, Random, Reason, Session};
 
-/// A station of the line, with windows to at most `PEERS` others, of `W` frames in either direction. `M` is the longest body
-/// of a frame of a window, `N` the longest frame of all.
+/// A station of the line, with windows of `W` frames to at most `TO` others and from at most `FROM`. `M` is the longest body of
+/// a frame of a window, `N` the longest frame of all.
 ///
 /// Where there is no room for another peer, the one that has been idle longest is forgotten; should it still send, it opens a
 /// new session.
 #[derive(Clone, Debug)]
-pub struct Station<const PEERS: usize, const W: usize, const M: usize, const N: usize> {
+pub struct Station<const TO: usize, const FROM: usize, const W: usize, const M: usize, const N: usize> {
     config: Config,
     random: Random,
     decoder: Decoder<N>,
     arbiter: Arbiter<N>,
-    links: Vec<Link<W, M>, PEERS>,
-    /// The link that was served last; they take turns.
+    senders: Vec<Link<Sender<W, M>>, TO>,
+    receivers: Vec<Link<Receiver<W, M>>, FROM>,
+    /// The sender that was served last; they take turns.
     turn: usize,
     /// What the arbiter has in work.
     sending: Sending,
     /// A refusal that belongs to no link.
     refusal: Option<(u8, Reason, Session)>,
     last_heard: Instant,
-}
-
-/// Both windows between two stations.
-#[derive(Clone, Debug)]
-struct Link<const W: usize, const M: usize> {
-    peer: u8,
-    sender: Sender<W, M>,
-    receiver: Receiver<W, M>,
-    last_used: Instant,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -60,7 +55,9 @@ enum Sending {
     },
 }
 
-impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station<PEERS, W, M, N> {
+impl<const TO: usize, const FROM: usize, const W: usize, const M: usize, const N: usize>
+    Station<TO, FROM, W, M, N>
+{
     const LENGTHS: () = assert!(
         M + frame::TAGGED_OVERHEAD <= N && N <= frame::MAX_FRAME,
         "a frame of a window must fit in the longest frame, and that in the line's longest"
@@ -76,7 +73,8 @@ impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station
             random,
             decoder: Decoder::new(),
             arbiter,
-            links: Vec::new(),
+            senders: Vec::new(),
+            receivers: Vec::new(),
             turn: 0,
             sending: Sending::Nothing,
             refusal: None,
@@ -97,12 +95,15 @@ impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station
         if body.is_empty() || !all_for_peer || !sections.rest().is_empty() {
             return Err(Refused::Sections);
         }
-        self.link(now, peer).ok_or(Refused::Full)?.sender.submit(class, body)
+        let random = &mut self.random;
+        let new = || Sender::new(draw(random));
+        let sender = links::reserve(&mut self.senders, now, peer, Sender::is_idle, new);
+        sender.ok_or(Refused::Full)?.submit(class, body)
     }
 
     /// Frames to `peer` whose outcome is open.
     pub fn outstanding(&self, peer: u8) -> usize {
-        self.links.iter().find(|link| link.peer == peer).map_or(0, |link| link.sender.outstanding())
+        self.senders.iter().find(|link| link.peer == peer).map_or(0, |link| link.end.outstanding())
     }
 
     /// Takes a byte that the line said, the echo of what is sent too, at its end. [`Station::poll`] until it is idle, before
@@ -134,16 +135,14 @@ impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station
                 return self.decoder.frame().map_or(Action::Idle, Action::Heard);
             }
         }
-        for link in &mut self.links {
-            link.sender.elapse(now);
+        for link in &mut self.senders {
+            link.end.elapse(&self.config.window, now);
         }
-        for at in 0..self.links.len() {
-            if self.links.get(at).is_some_and(|link| link.sender.has_outcome()) {
-                return self.done(at);
-            }
-            if self.links.get(at).is_some_and(|link| link.receiver.has_frame()) {
-                return self.received(now, at);
-            }
+        if let Some(at) = self.senders.iter().position(|link| link.end.has_outcome()) {
+            return self.done(at);
+        }
+        if let Some(at) = self.receivers.iter().position(|link| link.end.has_frame()) {
+            return self.received(now, at);
         }
         self.fill(now);
         self.arbiter.elapse(now);
@@ -170,9 +169,14 @@ impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station
         if free && self.refusal.is_some() {
             by(Some(Instant::ZERO));
         }
-        for Link { sender, receiver, .. } in &self.links {
+        for Link { end: sender, .. } in &self.senders {
             by(sender.elapse_at());
-            if sender.has_outcome() || receiver.has_frame() || (free && sender.next().is_some()) {
+            if sender.has_outcome() || (free && sender.next(&self.config.window).is_some()) {
+                by(Some(Instant::ZERO));
+            }
+        }
+        for Link { end: receiver, .. } in &self.receivers {
+            if receiver.has_frame() {
                 by(Some(Instant::ZERO));
             }
             if free {
@@ -212,8 +216,10 @@ impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station
             Kind::Refusal { session: Session::NONE, .. } => true,
             _ if !for_us => self.config.promiscuous,
             Kind::Opening { sender } => {
-                match self.link(now, origin) {
-                    Some(link) => link.receiver.opened(sender),
+                let random = &mut self.random;
+                let new = || Receiver::new(draw(random));
+                match links::reserve(&mut self.receivers, now, origin, Receiver::is_idle, new) {
+                    Some(receiver) => receiver.opened(sender),
                     None => self.refusal = Some((origin, Reason::NoRoom, Session { sender, receiver: 0 })),
                 }
                 false
@@ -235,60 +241,40 @@ impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station
         let Some(Frame { origin, kind, body }) = self.decoder.frame() else {
             return;
         };
-        let Some(link) = self.links.iter_mut().find(|link| link.peer == origin) else {
-            if let Kind::Numbered { session, .. } = kind {
-                self.refusal = Some((origin, Reason::Session, session));
+        let config = &self.config.window;
+        if let Kind::Numbered { number, class, session } = kind {
+            match links::find(&mut self.receivers, now, origin) {
+                Some(receiver) => receiver.arrived(now, number, class, session, body),
+                None => self.refusal = Some((origin, Reason::Session, session)),
             }
-            return;
-        };
-        link.last_used = now;
-        match kind {
-            Kind::Numbered { number, class, session } => {
-                link.receiver.arrived(now, number, class, session, body);
+        } else if let Some(sender) = links::find(&mut self.senders, now, origin) {
+            match kind {
+                Kind::Acknowledgement { next, held, session } => {
+                    sender.acknowledged(config, now, next, held, session);
+                }
+                Kind::Consent { session, window } => sender.consented(config, now, session, window),
+                Kind::Refusal { reason, session } => sender.refused(reason, session),
+                _ => {}
             }
-            Kind::Acknowledgement { next, held, session } => {
-                link.sender.acknowledged(now, next, held, session);
-            }
-            Kind::Consent { session, window } => link.sender.consented(now, session, window),
-            Kind::Refusal { reason, session } => link.sender.refused(reason, session),
-            _ => {}
         }
     }
 
-    /// The link to `peer`, made where there is room.
-    fn link(&mut self, now: Instant, peer: u8) -> Option<&mut Link<W, M>> {
-        let at = self.links.iter().position(|link| link.peer == peer);
-        let at = match at {
-            Some(at) => at,
-            None => {
-                if self.links.is_full() {
-                    let idle = (0..).zip(&self.links).filter(|(_, link)| link.is_idle());
-                    let (oldest, _) = idle.min_by_key(|(_, link)| link.last_used)?;
-                    self.links.swap_remove(oldest);
-                }
-                let sender = Sender::new(self.config.window, draw(&mut self.random));
-                let receiver = Receiver::new(self.config.window, draw(&mut self.random));
-                self.links.push(Link { peer, sender, receiver, last_used: now }).ok()?;
-                self.links.len() - 1
-            }
-        };
-        let link = self.links.get_mut(at)?;
-        link.last_used = now;
-        Some(link)
-    }
-
     fn done(&mut self, at: usize) -> Action<'_> {
-        let link = self.links.get_mut(at);
-        let done = link.and_then(|link| link.sender.outcome().map(|outcome| (link.peer, outcome)));
+        let link = self.senders.get_mut(at);
+        let done = link.and_then(|link| link.end.outcome().map(|outcome| (link.peer, outcome)));
         done.map_or(Action::Idle, |(to, (ticket, outcome))| Action::Done { to, ticket, outcome })
     }
 
     fn received(&mut self, now: Instant, at: usize) -> Action<'_> {
-        let Some(Link { peer, receiver, .. }) = self.links.get_mut(at) else {
+        let Some(Link { peer, end: receiver, .. }) = self.receivers.get_mut(at) else {
             return Action::Idle;
         };
         let from = *peer;
-        receiver.take(now).map_or(Action::Idle, |(class, body)| Action::Received { from, class, body })
+        receiver.take(&self.config.window, now).map_or(Action::Idle, |(class, body)| Action::Received {
+            from,
+            class,
+            body,
+        })
     }
 
     /// Gives the arbiter a frame if it has none: answers first, then the windows in turn.
@@ -301,7 +287,7 @@ impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station
     fn answer(&mut self, now: Instant) -> bool {
         let answer = match self.refusal.take() {
             Some((peer, reason, session)) => Some((peer, Kind::Refusal { reason, session })),
-            None => self.links.iter_mut().find_map(|Link { peer, receiver, .. }| {
+            None => self.receivers.iter_mut().find_map(|Link { peer, end: receiver, .. }| {
                 let kind = receiver.next(now)?;
                 receiver.sent(kind);
                 Some((*peer, kind))
@@ -322,20 +308,20 @@ impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station
     fn step_back(&mut self, now: Instant) {
         if self.arbiter.withdraw()
             && let Sending::Answer { peer, kind } = self.sending
-            && let Some(link) = self.links.iter_mut().find(|link| link.peer == peer)
+            && let Some(receiver) = links::find(&mut self.receivers, now, peer)
         {
-            link.receiver.failed(now, kind);
+            receiver.failed(now, kind);
         }
         self.sending = Sending::Nothing;
     }
 
     fn fill_from_window(&mut self, now: Instant) {
-        let count = self.links.len();
+        let count = self.senders.len();
         for at in (0..count).map(|step| (self.turn + 1 + step) % count) {
-            let Some(Link { peer, sender, .. }) = self.links.get(at) else {
+            let Some(Link { peer, end: sender, .. }) = self.senders.get(at) else {
                 continue;
             };
-            let Some((what, kind, body)) = sender.next() else {
+            let Some((what, kind, body)) = sender.next(&self.config.window) else {
                 continue;
             };
             let opening = [*peer, 0, section::TERMINATOR];
@@ -358,24 +344,18 @@ impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station
         match core::mem::replace(&mut self.sending, Sending::Nothing) {
             Sending::Post => return Action::Posted(outcome),
             Sending::Window { peer, what } => {
-                if let Some(link) = self.links.iter_mut().find(|link| link.peer == peer) {
-                    link.sender.sent(now, what, outcome.is_ok());
+                if let Some(sender) = links::find(&mut self.senders, now, peer) {
+                    sender.sent(&self.config.window, now, what, outcome.is_ok());
                 }
             }
             Sending::Answer { peer, kind } if outcome.is_err() => {
-                if let Some(link) = self.links.iter_mut().find(|link| link.peer == peer) {
-                    link.receiver.failed(now, kind);
+                if let Some(receiver) = links::find(&mut self.receivers, now, peer) {
+                    receiver.failed(now, kind);
                 }
             }
             Sending::Nothing | Sending::Answer { .. } => {}
         }
         Action::Free
-    }
-}
-
-impl<const W: usize, const M: usize> Link<W, M> {
-    fn is_idle(&self) -> bool {
-        self.sender.outstanding() == 0 && !self.sender.has_outcome() && self.receiver.is_idle()
     }
 }
 

@@ -9,7 +9,9 @@ use super::{PostError, Sending, Station};
 use crate::arbiter::Precedence;
 use crate::frame::{self, EmitError, Frame, Kind};
 
-impl<const PEERS: usize, const W: usize, const M: usize, const N: usize> Station<PEERS, W, M, N> {
+impl<const TO: usize, const FROM: usize, const W: usize, const M: usize, const N: usize>
+    Station<TO, FROM, W, M, N>
+{
     /// Takes a frame outside of any window. It is sent once.
     ///
     /// # Errors

@@ -9,7 +9,6 @@ use crate::{Class, Kind, Number, Random, Reason, Session};
 /// The receiving end of a window: puts frames into their order.
 #[derive(Clone, Debug)]
 pub struct Receiver<const W: usize, const M: usize> {
-    config: Config,
     random: Random,
     /// Whose frames are taken.
     session: Option<Session>,
@@ -41,10 +40,9 @@ impl<const W: usize, const M: usize> Receiver<W, M> {
     const PLACES: () = assert!(W.is_power_of_two() && W <= MAX_WINDOW, "a window is 1, 2, 4 or 8 frames");
 
     /// A receiver without a session.
-    pub const fn new(config: Config, seed: u64) -> Self {
+    pub const fn new(seed: u64) -> Self {
         const { Self::PLACES };
         Self {
-            config,
             random: Random::new(seed),
             session: None,
             offered: None,
@@ -58,14 +56,14 @@ impl<const W: usize, const M: usize> Receiver<W, M> {
     }
 
     /// The next frame in order, once.
-    pub(crate) fn take(&mut self, now: Instant) -> Option<(Class, &[u8])> {
+    pub(crate) fn take(&mut self, config: &Config, now: Instant) -> Option<(Class, &[u8])> {
         let at = self.place(self.next);
         if !self.frames.get(at)?.arrived {
             return None;
         }
         self.next = self.next.plus(1);
         self.unacknowledged += 1;
-        let soon = if self.unacknowledged * 2 >= W { now } else { now + self.config.acknowledge_after };
+        let soon = if self.unacknowledged * 2 >= W { now } else { now + config.acknowledge_after };
         self.acknowledge_by(soon);
         let frame = self.frames.get_mut(at)?;
         frame.arrived = false;

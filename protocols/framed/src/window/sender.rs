@@ -39,7 +39,6 @@ impl core::error::Error for Refused {}
 /// The sending end of a window: keeps frames until they are acknowledged.
 #[derive(Clone, Debug)]
 pub struct Sender<const W: usize, const M: usize> {
-    config: Config,
     random: Random,
     state: State,
     /// Frames in work, by number.
@@ -94,9 +93,8 @@ pub(crate) enum Sending {
 
 impl<const W: usize, const M: usize> Sender<W, M> {
     /// A sender without a session.
-    pub const fn new(config: Config, seed: u64) -> Self {
+    pub const fn new(seed: u64) -> Self {
         Self {
-            config,
             random: Random::new(seed),
             state: State::Closed,
             frames: Deque::new(),
@@ -138,19 +136,24 @@ impl<const W: usize, const M: usize> Sender<W, M> {
         self.outcomes.pop_front()
     }
 
+    /// Whether nothing is in work.
+    pub(crate) fn is_idle(&self) -> bool {
+        self.frames.is_empty() && self.outcomes.is_empty()
+    }
+
     /// Whether [`Sender::outcome`] has something.
     pub(crate) fn has_outcome(&self) -> bool {
         !self.outcomes.is_empty()
     }
 
     /// What to put on the line now, if anything.
-    pub(crate) fn next(&self) -> Option<(Sending, Kind, &[u8])> {
+    pub(crate) fn next(&self, config: &Config) -> Option<(Sending, Kind, &[u8])> {
         match self.state {
             State::Opening { half, due: true, .. } => {
                 Some((Sending::Opening, Kind::Opening { sender: half }, &[]))
             }
             State::Open { session, window } => {
-                let window = usize::from(window.min(self.config.window)).max(1);
+                let window = usize::from(window.min(config.window)).max(1);
                 let mut due = (0..).zip(&self.frames).take(window);
                 let (at, frame) = due.find(|(_, frame)| matches!(frame.progress, Progress::Due))?;
                 let kind = Kind::Numbered { number: self.base.plus(at), class: frame.class, session };
@@ -161,8 +164,8 @@ impl<const W: usize, const M: usize> Sender<W, M> {
     }
 
     /// What [`Sender::next`] gave has been on the line, or has failed to get there.
-    pub(crate) fn sent(&mut self, now: Instant, what: Sending, arrived: bool) {
-        let deadline = now + self.timeout.wait(&self.config);
+    pub(crate) fn sent(&mut self, config: &Config, now: Instant, what: Sending, arrived: bool) {
+        let deadline = now + self.timeout.wait(config);
         match (what, &mut self.state) {
             (Sending::Opening, State::Opening { tries, due, .. }) => {
                 *tries = tries.saturating_add(1);
@@ -182,7 +185,7 @@ impl<const W: usize, const M: usize> Sender<W, M> {
                 let tries = frame.tries;
                 self.deadline.get_or_insert(deadline);
                 if !arrived {
-                    self.missing(ticket, tries);
+                    self.missing(config, ticket, tries);
                 }
             }
             _ => {}
@@ -190,7 +193,7 @@ impl<const W: usize, const M: usize> Sender<W, M> {
     }
 
     /// The peer has acknowledged.
-    pub(crate) fn acknowledged(&mut self, now: Instant, next: u8, held: u8, of: Session) {
+    pub(crate) fn acknowledged(&mut self, config: &Config, now: Instant, next: u8, held: u8, of: Session) {
         let State::Open { session, .. } = self.state else {
             return;
         };
@@ -224,23 +227,23 @@ impl<const W: usize, const M: usize> Sender<W, M> {
         }
         self.base = self.base.plus(count);
         self.timeout.progress();
-        self.restart_timer(now);
+        self.restart_timer(config, now);
         if let Some((order, sent, tries)) = newest {
             if tries == 1 {
                 self.timeout.sample(now.since(sent));
             }
-            self.overtaken(order);
+            self.overtaken(config, order);
         }
     }
 
     /// The peer has consented to a session.
-    pub(crate) fn consented(&mut self, now: Instant, session: Session, window: u8) {
+    pub(crate) fn consented(&mut self, config: &Config, now: Instant, session: Session, window: u8) {
         if let State::Opening { half, .. } = self.state
             && half == session.sender
         {
             self.state = State::Open { session, window };
             self.timeout.progress();
-            self.restart_timer(now);
+            self.restart_timer(config, now);
         }
     }
 
@@ -255,7 +258,7 @@ impl<const W: usize, const M: usize> Sender<W, M> {
     }
 
     /// Does what time alone brings about.
-    pub(crate) fn elapse(&mut self, now: Instant) {
+    pub(crate) fn elapse(&mut self, config: &Config, now: Instant) {
         if self.deadline.is_none_or(|deadline| now < deadline) {
             return;
         }
@@ -263,14 +266,14 @@ impl<const W: usize, const M: usize> Sender<W, M> {
         self.timeout.expired();
         match &mut self.state {
             State::Closed => {}
-            State::Opening { tries, .. } if *tries > self.config.retries => self.give_up(Cause::Silent),
+            State::Opening { tries, .. } if *tries > config.retries => self.give_up(Cause::Silent),
             State::Opening { due, .. } => *due = true,
             State::Open { .. } => {
                 // All may have arrived, and the acknowledgement be lost.
                 let missing = |frame: &&Outgoing<M>| matches!(frame.progress, Progress::Sent { .. });
                 let first = self.frames.iter().find(missing).or(self.frames.front());
                 if let Some((ticket, tries)) = first.map(|frame| (frame.ticket, frame.tries)) {
-                    self.missing(ticket, tries);
+                    self.missing(config, ticket, tries);
                 }
             }
         }
@@ -282,8 +285,8 @@ impl<const W: usize, const M: usize> Sender<W, M> {
     }
 
     /// A frame has to be repeated, or the peer to be given up.
-    fn missing(&mut self, ticket: Ticket, tries: u8) {
-        if tries > self.config.retries {
+    fn missing(&mut self, config: &Config, ticket: Ticket, tries: u8) {
+        if tries > config.retries {
             return self.give_up(Cause::Silent);
         }
         if let Some(frame) = self.frames.iter_mut().find(|frame| frame.ticket == ticket) {
@@ -292,7 +295,7 @@ impl<const W: usize, const M: usize> Sender<W, M> {
     }
 
     /// What was sent before transmission `order`, which has arrived, is lost.
-    fn overtaken(&mut self, order: u32) {
+    fn overtaken(&mut self, config: &Config, order: u32) {
         let mut tries = 0;
         for frame in &mut self.frames {
             if let Progress::Sent { order: earlier, .. } = frame.progress
@@ -302,14 +305,14 @@ impl<const W: usize, const M: usize> Sender<W, M> {
                 tries = tries.max(frame.tries);
             }
         }
-        if tries > self.config.retries {
+        if tries > config.retries {
             self.give_up(Cause::Silent);
         }
     }
 
-    fn restart_timer(&mut self, now: Instant) {
+    fn restart_timer(&mut self, config: &Config, now: Instant) {
         let waits = self.frames.iter().any(|frame| !matches!(frame.progress, Progress::Due));
-        self.deadline = waits.then(|| now + self.timeout.wait(&self.config));
+        self.deadline = waits.then(|| now + self.timeout.wait(config));
     }
 
     fn open(&mut self) {

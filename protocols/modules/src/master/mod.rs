@@ -29,7 +29,7 @@ pub struct Master<const AXES: usize, const PEERS: usize, const W: usize, const N
     cycle: Duration,
     gap: Duration,
     character: Duration,
-    station: Station<PEERS, W, EVENT, N>,
+    station: Station<0, PEERS, W, { event::BODY }, N>,
     turns: Turns,
     axes: Vec<Image, AXES>,
     phase: Phase,
@@ -58,9 +58,6 @@ pub struct Master<const AXES: usize, const PEERS: usize, const W: usize, const N
 
 /// So long after another gateway has been heard one keeps letting it go first.
 const COMPANY: Duration = Duration::from_secs(1);
-
-/// Bytes of the one section of an event; and of a longer one, which a gateway has no use for.
-const EVENT: usize = 16;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {

@@ -21,16 +21,13 @@ pub use types::{Action, Config, Loop};
 pub struct Node<const PEERS: usize, const W: usize, const N: usize> {
     address: u8,
     form: Form,
-    station: Station<PEERS, W, EVENT, N>,
+    station: Station<PEERS, 0, W, { event::BODY }, N>,
     authority: Authority,
     turns: Turns,
     answer: Option<Answer>,
     /// What the commander has not been told yet.
     event: Option<(u8, Event)>,
 }
-
-/// Bytes of the one section of an event.
-const EVENT: usize = section::OVERHEAD + 1;
 
 /// What was asked.
 #[derive(Clone, Copy, Debug)]

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use puente_drives::pid::{self, Encoder, Event, Gains, Input, State, Width};
+use puente_framed::arbiter::Echo;
 use puente_framed::frame::MAX_FRAME;
 use puente_framed::station;
 use puente_line::{Instant, Settings};
@@ -44,8 +45,10 @@ pub struct GatewaySide {
     pub missed: Vec<usize>,
     pub heard: Vec<Vec<u8>>,
     pub posted: Vec<bool>,
-    /// When each of its frames began.
-    pub sent: Vec<Instant>,
+    /// When each of its frames began, and its bytes.
+    pub sent: Vec<(Instant, Vec<u8>)>,
+    /// Where it does not hear itself: until when.
+    mute: Option<Instant>,
     /// A client's frames that wait.
     pub client: Vec<Vec<u8>>,
 }
@@ -64,7 +67,10 @@ impl GatewaySide {
             }
             match self.master.poll(now) {
                 master::Action::Transmit(bytes) => {
-                    self.sent.push(now);
+                    if self.mute.is_some() {
+                        self.mute = Some(now + fast().wire_time(bytes.len()) + Duration::from_micros(5));
+                    }
+                    self.sent.push((now, bytes.to_vec()));
                     return Some(Drive::Transmit(bytes.to_vec()));
                 }
                 master::Action::Jam(bytes) => return Some(Drive::Jam(bytes.to_vec())),
@@ -127,7 +133,7 @@ impl ModuleSide {
 
 /// A bare station that says what it is given.
 pub struct Ghost {
-    pub station: puente_framed::Station<1, 1, 16, MAX_FRAME>,
+    pub station: puente_framed::Station<0, 0, 1, 16, MAX_FRAME>,
     pub frames: Vec<Vec<u8>>,
     /// Frames heard, whole.
     pub heard: Vec<Vec<u8>>,
@@ -155,6 +161,7 @@ impl Ghost {
 impl Seat for Side {
     fn hear(&mut self, now: Instant, heard: Heard) {
         match (self, heard) {
+            (Self::Gateway(side), _) if side.mute.is_some_and(|until| now <= until) => {}
             (Self::Gateway(side), Heard::Byte(byte)) => side.master.receive(now, byte),
             (Self::Gateway(side), Heard::Damaged) => side.master.line_error(now),
             (Self::Module(side), Heard::Byte(byte)) => side.node.receive(now, byte),
@@ -167,6 +174,7 @@ impl Seat for Side {
 
     fn carrier(&mut self, now: Instant) {
         match self {
+            Self::Gateway(side) if side.mute.is_some_and(|until| now <= until) => {}
             Self::Gateway(side) => side.master.carrier(now),
             Self::Module(side) => side.node.carrier(now),
             Self::Ghost(side) => side.station.carrier(now),
@@ -222,9 +230,25 @@ impl Rig {
         self.join(address, side);
     }
 
+    /// One on an adapter that does not give back what it sends.
+    pub fn gateway_without_echo(&mut self, address: u8, cycle_ms: u64, axes: &[(u8, Form)]) {
+        let mut station = station(address);
+        station.arbiter.echo = Echo::None;
+        let config = master::Config { station, cycle: Duration::from_millis(cycle_ms) };
+        let Side::Gateway(mut side) = self.gateway_of(config, axes) else { unreachable!() };
+        side.mute = Some(Instant::ZERO);
+        self.join(address, Side::Gateway(side));
+        // It cannot hear a collision.
+        let seat = self.seat(address);
+        self.line.place(seat).judged = false;
+    }
+
     pub fn gateway_side(&mut self, address: u8, cycle: Duration, axes: &[(u8, Form)]) -> Side {
+        self.gateway_of(master::Config { station: station(address), cycle }, axes)
+    }
+
+    fn gateway_of(&mut self, config: master::Config, axes: &[(u8, Form)]) -> Side {
         let axes = axes.iter().map(|(address, form)| Axis { address: *address, form: *form });
-        let config = master::Config { station: station(address), cycle };
         let (now, seed) = (self.line.now(), self.seed());
         Side::Gateway(Box::new(GatewaySide {
             master: Master::new(config, axes, now, seed),
@@ -235,6 +259,7 @@ impl Rig {
             heard: Vec::new(),
             posted: Vec::new(),
             sent: Vec::new(),
+            mute: None,
             client: Vec::new(),
         }))
     }

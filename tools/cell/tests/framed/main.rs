@@ -44,7 +44,7 @@ pub struct Rig {
     /// It says nothing any more, as one whose process was killed.
     pub dead: bool,
     port: usize,
-    station: Station<4, 4, 8, MAX_FRAME>,
+    station: Station<4, 4, 4, 8, MAX_FRAME>,
     next: Instant,
     now: Instant,
 }

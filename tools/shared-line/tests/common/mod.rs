@@ -19,7 +19,7 @@ pub const WINDOW: usize = 8;
 pub const LONGEST: usize = 160;
 pub const BODY: usize = LONGEST - TAGGED_OVERHEAD;
 
-pub type Node = Framed<Talker, PEERS, WINDOW, BODY, LONGEST>;
+pub type Node = Framed<Talker, PEERS, PEERS, WINDOW, BODY, LONGEST>;
 
 pub fn fast() -> Settings {
     Settings { baud: 1_000_000, format: "8N1".parse().expect("format") }
@@ -120,7 +120,7 @@ impl Talker {
     }
 }
 
-impl Application<PEERS, WINDOW, BODY, LONGEST> for Talker {
+impl Application<PEERS, PEERS, WINDOW, BODY, LONGEST> for Talker {
     fn take(&mut self, _now: Instant, action: Action<'_>) {
         match action {
             Action::Received { from, body, .. } => self.received(from, body),
@@ -131,7 +131,7 @@ impl Application<PEERS, WINDOW, BODY, LONGEST> for Talker {
         }
     }
 
-    fn drive(&mut self, now: Instant, station: &mut Station<PEERS, WINDOW, BODY, LONGEST>) {
+    fn drive(&mut self, now: Instant, station: &mut Station<PEERS, PEERS, WINDOW, BODY, LONGEST>) {
         if self.stop {
             return;
         }
