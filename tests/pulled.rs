@@ -8,10 +8,13 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use common::client::{Lines, Modbus, write_pdu};
+use common::framed::{Packets, wish};
 use common::rig::{FORWARD, Rig};
 use common::wire::{Device, Script, Wire, frame, healthy, values};
 use common::{Document, MODES, fast, ms, until};
+use puente_framed::Reason;
 use puente_modbus::Mode;
+use puente_modules::Control;
 
 fn slaves(mode: Mode) -> Script {
     Script::new(mode, fast(), move |unit, request| {
@@ -96,4 +99,46 @@ fn an_axis_whose_commander_left_while_the_wire_was_pulled_is_stopped_when_it_is_
     rig.wire.plug();
     until("x stands", || !rig.turns());
     assert!(rig.wire.pdus(1).contains(&write_pdu(FORWARD, 0)));
+}
+
+/// A packet of dialect 7E is told so too, and goes when the line is back.
+#[test]
+fn a_packet_for_a_line_that_is_gone_is_refused() {
+    // What is sent comes back, as from a line on which nobody else is.
+    let mut wire = Wire::new(Mirror::default());
+    let document = Document::new().framed_wire("b", fast(), &wire, "ipg = 30\nslot = 90");
+    let gateway = document.module("x", "b", 17, "").start();
+    let packet = wish(50, 18, Control::Observe, 0.0);
+    let mut client = Packets::connect(gateway.main);
+    let mut reason = || {
+        client.send(&packet);
+        client.next_within(ms(1_000)).map(|packet| packet.refusal().expect("a refusal").0)
+    };
+    until("it goes", || reason().is_none());
+    wire.pull();
+    until("it is told", || reason() == Some(Reason::NoLine));
+    wire.plug();
+    until("it goes again", || reason().is_none());
+}
+
+/// A line that gives everything back.
+#[derive(Default)]
+struct Mirror(Vec<u8>);
+
+impl Device for Mirror {
+    fn receive(&mut self, _: puente_line::Instant, bytes: &[u8]) {
+        self.0.extend(bytes);
+    }
+
+    fn poll(&mut self, _: puente_line::Instant) -> Option<Vec<u8>> {
+        (!self.0.is_empty()).then(|| std::mem::take(&mut self.0))
+    }
+
+    fn poll_at(&self) -> Option<puente_line::Instant> {
+        None
+    }
+
+    fn requests(&mut self) -> Vec<(puente_line::Instant, u8, Vec<u8>)> {
+        Vec::new()
+    }
 }

@@ -1,6 +1,7 @@
 //! Whatever the bus says, the codecs take it or leave it; what they take they make again.
 #![no_main]
 
+use puente_canopen::dcf::List;
 use puente_canopen::emcy::Emergency;
 use puente_canopen::lss;
 use puente_canopen::monitor::{Action, Event, Supervision};
@@ -12,6 +13,9 @@ use puente_fuzz::Operands;
 use puente_line::{Duration, Instant};
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| {
+    if let Ok(list) = List::parse(data) {
+        assert!(list.entries().all(|entry| !entry.data.is_empty()));
+    }
     let mut operands = Operands(data);
     let timeout = Duration::from_millis(300);
     let supervision = match operands.byte() & 1 {

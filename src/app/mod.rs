@@ -102,6 +102,9 @@ pub fn build(settings: &'static Settings, keeper: &'static Keeper) -> &'static G
         }
     });
     DESK.configure(buses, millis(settings.net.lease_ms));
+    if let Some(bus) = settings.buses.iter().position(|bus| bus.framed().is_some()) {
+        DESK.send_frames_to(bus as u8);
+    }
     let axes = Axes::new(&DESK, (0..).zip(&settings.axes).map(|(id, axis)| axis_spec(settings, id, axis)));
     GATEWAY.init_with(|| Gateway::new(settings, &DESK, axes, keeper))
 }

@@ -32,11 +32,71 @@ pub(super) struct Module<'a> {
     pub(super) spec: Spec,
 }
 
-const STOPPED: AxisError = AxisError::Failure(Failure::NotSent(Reason::Stopped));
+/// A stop, or the end of the lease, came first.
+pub(super) const STOPPED: AxisError = AxisError::Failure(Failure::NotSent(Reason::Stopped));
+
+/// What a command waits for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Awaited {
+    /// A report, however it came about.
+    Report,
+    /// The module has heard that nothing is wanted of it, and is in no fault.
+    LetGo,
+    /// Under current, at rest.
+    Held,
+    /// Going to the set-point.
+    Following,
+    /// At rest.
+    Rest,
+    /// Without current.
+    Off,
+}
+
+impl Awaited {
+    /// Whether it has come about, or why it will not.
+    fn found(self, view: &View, within: Duration) -> Option<Result<(), AxisError>> {
+        let fresh = view.fresh(clock::now(), within);
+        let answer = view.answer().and(fresh);
+        let state = answer.map(|report| report.state);
+        let done = match self {
+            Awaited::Report => fresh.is_some(),
+            Awaited::LetGo => view.wish == Wish::Observe && state.is_some(),
+            Awaited::Held => view.wish == Wish::Hold && state == Some(State::Held),
+            Awaited::Following => matches!(view.wish, Wish::Follow(..)) && state == Some(State::Enabled),
+            Awaited::Rest => state.is_some_and(at_rest),
+            Awaited::Off => view.wish != Wish::Off,
+        };
+        let (commanded, fault) = match self {
+            Awaited::Held => (Some(view.wish == Wish::Hold), true),
+            Awaited::Following => (Some(matches!(view.wish, Wish::Follow(..))), true),
+            // An Off that is still said acknowledges it.
+            Awaited::LetGo => (None, view.wish == Wish::Observe),
+            Awaited::Report | Awaited::Rest | Awaited::Off => (None, false),
+        };
+        let refused = answer.and_then(|report| report.refused);
+        match (state, commanded, refused) {
+            (Some(State::Fault(cause)), ..) if fault => Some(Err(AxisError::Fault(cause))),
+            (_, Some(false), _) => Some(Err(STOPPED)),
+            _ if done => Some(Ok(())),
+            (_, Some(true), Some(refusal)) => Some(Err(AxisError::Refused(refusal))),
+            _ => None,
+        }
+    }
+}
 
 impl Module<'_> {
     fn view(&self) -> View {
         self.desk.view(clock::now(), self.axis)
+    }
+
+    /// Waits for one of these, no longer than it may take.
+    async fn confirm(&self, awaited: Awaited) -> Result<(), AxisError> {
+        let start = if awaited == Awaited::Held { START } else { Duration::ZERO };
+        let within = self.spec.within;
+        // The answer comes after the report that may be on its way.
+        let most = within.saturating_mul(2) + start;
+        let found = self.desk.until(self.axis, most, |view| awaited.found(view, within)).await;
+        found.unwrap_or_else(|| Err(self.silent()))
     }
 
     /// Why a module that should have reported has not.
@@ -48,18 +108,10 @@ impl Module<'_> {
         AxisError::Failure(failure)
     }
 
-    async fn until<T>(&self, within: Duration, f: impl FnMut(&View) -> Option<T>) -> Result<T, AxisError> {
-        self.desk.until(self.axis, within, f).await.ok_or_else(|| self.silent())
-    }
-
     /// A report that is not older than reports may be.
     pub(super) async fn status(&self) -> Result<View, AxisError> {
-        let within = self.spec.within;
-        let fresh = |view: &View| view.fresh(clock::now(), within).map(|_| *view);
-        match fresh(&self.view()) {
-            Some(view) => Ok(view),
-            None => self.until(within, fresh).await,
-        }
+        self.confirm(Awaited::Report).await?;
+        Ok(self.view())
     }
 
     /// Puts the amplifier under current, at standstill where the axis is. An axis that is under way stops.
@@ -69,24 +121,12 @@ impl Module<'_> {
         }
         if !matches!(self.view().wish, Wish::Hold | Wish::Follow(..)) {
             // The module enables itself for one who has let go of it. So that is to be known first.
-            let free = |view: &View| view.answer().filter(|_| view.wish == Wish::Observe);
-            if let State::Fault(cause) = self.until(self.spec.within, free).await?.state {
-                return Err(AxisError::Fault(cause));
-            }
+            self.confirm(Awaited::LetGo).await?;
         }
         if !self.desk.hold(clock::now(), permit) {
             return Err(STOPPED);
         }
-        let held = self.until(self.spec.within + START, |view| {
-            let report = view.answer();
-            match (view.wish, report?.state) {
-                (Wish::Hold, State::Held) => Some(Ok(())),
-                (_, State::Fault(cause)) => Some(Err(AxisError::Fault(cause))),
-                (Wish::Hold, _) => report?.refused.map(|refusal| Err(AxisError::Refused(refusal))),
-                _ => Some(Err(STOPPED)),
-            }
-        });
-        let result = held.await.flatten();
+        let result = self.confirm(Awaited::Held).await;
         if result.is_err() {
             // It must not come on later. If it has come on, unheard, it goes off by its own supervision.
             self.desk.give_up(clock::now(), self.axis);
@@ -94,35 +134,25 @@ impl Module<'_> {
         result
     }
 
-    /// Takes the current away, which acknowledges a fault.
-    pub(super) async fn off(&self) -> Result<(), AxisError> {
-        let off = |view: &View| (view.wish != Wish::Off).then_some(());
-        self.until(self.spec.within, off).await
-    }
-
-    pub(super) async fn disable(&self) -> Result<(), AxisError> {
-        self.desk.switch_off(clock::now(), self.axis);
-        self.off().await
-    }
-
-    /// As [`disable`](Self::disable), under a permit.
-    pub(super) async fn clear(&self, permit: Permit) -> Result<(), AxisError> {
-        if !self.desk.release_current(clock::now(), permit) {
-            return Err(STOPPED);
+    /// Takes the current away, which acknowledges a fault: under a permit, where there is one.
+    pub(super) async fn off(&self, permit: Option<Permit>) -> Result<(), AxisError> {
+        match permit {
+            None => self.desk.switch_off(clock::now(), self.axis),
+            Some(permit) if self.desk.release_current(clock::now(), permit) => {}
+            Some(_) => return Err(STOPPED),
         }
-        self.off().await
+        self.confirm(Awaited::Off).await
     }
 
     /// Brings the axis to rest; it stays under current.
     pub(super) async fn stop(&self) -> Result<(), AxisError> {
         let before = self.view();
-        let rests = |report: Report| at_rest(report.state);
-        if before.wish == Wish::Observe && before.fresh(clock::now(), self.spec.within).is_some_and(rests) {
+        let report = before.fresh(clock::now(), self.spec.within);
+        if before.wish == Wish::Observe && report.is_some_and(|report| at_rest(report.state)) {
             return Ok(());
         }
         self.desk.stop_cyclic(clock::now(), self.axis);
-        let stopped = |view: &View| view.answer().is_some_and(rests).then_some(());
-        self.until(self.spec.within, stopped).await
+        self.confirm(Awaited::Rest).await
     }
 
     /// Goes to a position, under the lease of this permit; one that is under way changes its aim at once.
@@ -138,17 +168,8 @@ impl Module<'_> {
         if under_way {
             return Ok(());
         }
-        let following = self.until(self.spec.within, |view| {
-            let report = view.answer();
-            match (view.wish, report?.state) {
-                (Wish::Follow(..), State::Enabled) => Some(Ok(())),
-                (_, State::Fault(cause)) => Some(Err(AxisError::Fault(cause))),
-                (Wish::Follow(..), _) => report?.refused.map(|refusal| Err(AxisError::Refused(refusal))),
-                _ => Some(Err(STOPPED)),
-            }
-        });
-        // Where nothing was heard the lease stays, so that its end stops the axis.
-        let result = following.await.flatten();
+        // Where nothing is heard the lease stays, so that its end stops the axis.
+        let result = self.confirm(Awaited::Following).await;
         if let Err(AxisError::Refused(_)) = result
             && self.desk.hold(clock::now(), permit)
         {

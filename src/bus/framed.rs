@@ -3,11 +3,12 @@
 use embassy_futures::select::{Either4, select4};
 use embassy_time::Timer;
 use embedded_io_async::{Error, ErrorKind, Read, Write};
+use puente_framed::station::PostError;
 use puente_line::{Duration, Instant};
 use puente_modules::Master;
 use puente_modules::master::{Action, Axis, Config};
 
-use super::Image;
+use super::{Image, Post, Taken, Undelivered};
 use crate::clock;
 use crate::port::limits::{AXES, FRAME, PEERS, WINDOW};
 use crate::port::{LineReader, LineWriter, SerialLine};
@@ -40,8 +41,9 @@ enum Sending {
     Jam(&'static [u8]),
 }
 
-/// Keeps the axes of a bus as the `image` wants them, for ever, and tells it what they are at. It listens while it talks.
-pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &impl Image) -> ! {
+/// Keeps the axes of a bus as the `image` wants them, for ever, and tells it what they are at; between that it sends the
+/// frames of clients. It listens while it talks.
+pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &(impl Image + Post)) -> ! {
     let (mut reader, mut writer) = line.split();
     let mut config = setup.config;
     config.station.arbiter.latency = reader.latency();
@@ -55,8 +57,9 @@ pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &impl Image) 
         if reader.carrier() {
             master.carrier(now);
         }
-        sending = act(&mut master, &mut writer, image, now, sending);
+        sending = act(&mut master, &mut writer, image, now, down, sending);
         image.outputs(now, |place, output| master.set(place, output));
+        image.outgoing(now, |frame| post(&mut master, now, frame));
         let sign = now + SIGN;
         let wake = master.poll_at().map_or(sign, |wake| wake.min(sign));
         image.alive(sign + LATE);
@@ -72,7 +75,7 @@ pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &impl Image) 
                     for byte in buffer.get(..count).unwrap_or_default() {
                         let now = clock::now();
                         master.receive(now, *byte);
-                        sending = act(&mut master, &mut writer, image, now, sending);
+                        sending = act(&mut master, &mut writer, image, now, down, sending);
                     }
                     None
                 }
@@ -122,12 +125,22 @@ async fn send<W: Write>(writer: &mut W, bytes: &[u8]) -> Result<usize, W::Error>
     }
 }
 
+/// Hands a client's frame on.
+fn post(master: &mut BusMaster, now: Instant, frame: &[u8]) -> Taken {
+    match master.post(now, frame) {
+        Ok(()) => Taken::Yes,
+        Err(PostError::Busy) => Taken::NotYet,
+        Err(PostError::NoFrame(_) | PostError::Unmade(_)) => Taken::Never(Undelivered::TooLong),
+    }
+}
+
 /// Does what the master asks for until it is idle; what is to be sent then.
 fn act(
     master: &mut BusMaster,
     writer: &mut impl LineWriter,
-    image: &impl Image,
+    image: &(impl Image + Post),
     now: Instant,
+    down: bool,
     mut sending: Sending,
 ) -> Sending {
     loop {
@@ -145,7 +158,10 @@ fn act(
             Action::Missed { .. } => image.counted(master.statistics()),
             Action::Event { axis, event } => image.happened(axis, event),
             Action::Fell { axis, to } => image.fell(now, axis, to),
-            Action::Heard(_) | Action::Posted(_) => {}
+            Action::Heard(frame) => image.heard(frame),
+            // Whatever the master makes of a port that is not there.
+            Action::Posted(_) if down => image.posted(Err(Undelivered::LineDown)),
+            Action::Posted(outcome) => image.posted(outcome.map_err(Undelivered::Line)),
         }
     }
 }

@@ -68,6 +68,41 @@ pub trait Work {
     fn alive(&self, until: Instant);
 }
 
+/// Frames of clients, which go on a framed bus beside what the master itself says.
+pub trait Post {
+    /// Shows the frame that waits for the line, if there is one and it may still go; `take` tells whether the master has
+    /// taken it. To be called after [`Image::changed`], and whenever the master may take one.
+    fn outgoing(&self, now: Instant, take: impl FnOnce(&[u8]) -> Taken);
+    /// What has become of the frame that was taken last.
+    fn posted(&self, outcome: Result<(), Undelivered>);
+    /// A whole frame that is none of the master's own business.
+    fn heard(&self, frame: &[u8]);
+}
+
+/// Whether a frame was taken for the line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Taken {
+    /// It was.
+    Yes,
+    /// It will be, when it is shown again.
+    NotYet,
+    /// It will never be.
+    Never(Undelivered),
+}
+
+/// Why a client's frame was not sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Undelivered {
+    /// The line did not take it.
+    Line(puente_framed::arbiter::Failure),
+    /// The port is not there, or failed.
+    LineDown,
+    /// It is longer than this gateway's frames may be.
+    TooLong,
+    /// A stop, or the end of the lease, came first.
+    Stopped,
+}
+
 /// Where the pump of a cyclic bus finds what shall be, and tells what is. An axis is named by its place in the order of
 /// the bus.
 pub trait Image {

@@ -124,6 +124,8 @@ impl View {
         };
         if input.current && done {
             self.wish = Wish::Observe;
+            // That the module hears of it is yet to come.
+            self.input = Some(Input { current: false, ..input });
         }
     }
 }
@@ -227,6 +229,11 @@ impl Desk {
             let view = &mut state.image.get_mut(usize::from(axis))?.as_mut()?.view;
             (view.wish == Wish::Hold).then(|| view.want(Wish::Observe))
         });
+    }
+
+    /// Nothing: the holder of the lease commands the axis past the image.
+    pub fn observe(&self, now: Instant, permit: Permit) {
+        self.want(now, permit, |view| view.want(Wish::Observe));
     }
 
     /// The pump hears of a change, and so does who waits for it.

@@ -9,6 +9,7 @@ mod breaker;
 mod duty;
 mod image;
 mod lease;
+mod mail;
 mod pending;
 mod queue;
 mod route;
@@ -27,6 +28,7 @@ use puente_modbus::Evidence;
 pub use duty::Duty;
 pub use image::{BusImage, Input, View, Wish, at_rest};
 pub use lease::{Cause, Event, Holder, Leased, Permit};
+pub use mail::{Follower, Frame, MailStatistics, Permits, Turn};
 pub use pending::Pending;
 pub use queue::BusQueue;
 pub use route::Units;
@@ -150,11 +152,13 @@ struct State {
     leases: Vec<lease::AxisLease, AXES>,
     image: image::Slots,
     lease_time: Duration,
+    mail: mail::Mail,
 }
 
 /// The desk. One for the whole gateway, shared by every task.
 pub struct Desk {
     state: Mutex<CriticalSectionRawMutex, RefCell<State>>,
+    outgoing: mail::Place,
     work: [Signal<CriticalSectionRawMutex, ()>; BUSES],
     leases_changed: [Signal<CriticalSectionRawMutex, ()>; AXES],
 }
@@ -175,7 +179,9 @@ impl Desk {
                 leases: Vec::new(),
                 image: Vec::new(),
                 lease_time: Duration::ZERO,
+                mail: mail::Mail::new(),
             })),
+            outgoing: mail::Place::new(mail::Frame::new()),
             work: [const { Signal::new() }; BUSES],
             leases_changed: [const { Signal::new() }; AXES],
         }

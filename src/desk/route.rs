@@ -18,6 +18,11 @@ impl fmt::Display for BadUnits {
 }
 
 impl Units {
+    /// None of them.
+    pub const fn none() -> Self {
+        Self([0; 8])
+    }
+
     /// Whether this unit id belongs to the set.
     pub fn contains(&self, unit: u8) -> bool {
         self.0.get(usize::from(unit / 32)).is_some_and(|word| word & (1 << (unit % 32)) != 0)

@@ -1,6 +1,7 @@
 //! Sockets to requests, replies to sockets. One listener; the first bytes decide the dialect.
 
 mod console;
+mod framed;
 mod http;
 mod inbox;
 mod lines;
@@ -202,10 +203,11 @@ async fn attend<S: Socket>(gateway: &'static Gateway, guest: Guest, socket: &mut
     };
     match dialect {
         Ok(Dialect::ModbusTcp) => modbus_tcp::serve(gateway, guest, &mut inbox, &mut writer).await,
+        Ok(Dialect::Framed) => framed::serve(gateway, guest, &mut inbox, &mut writer).await,
         Ok(Dialect::Lines) => lines::serve(gateway, guest, &mut inbox, &mut writer).await,
         Ok(Dialect::Http) => http::serve(gateway, guest, &mut inbox, &mut writer).await,
         Ok(Dialect::Unknown) => {
-            let text = b"error unknown-dialect expected HTTP, Modbus/TCP, a Modbus ASCII frame or a command; try 'help'\r\n";
+            let text = b"error unknown-dialect expected HTTP, Modbus/TCP, a Modbus ASCII frame, a frame of the framed bus or a command; try 'help'\r\n";
             match send(&mut writer, text).await {
                 Ok(()) => End::Refused,
                 Err(end) => end,

@@ -1,5 +1,7 @@
 //! The dialect, from the first bytes; never from a single one, for a Modbus/TCP transaction id may look like a letter.
 
+use puente_framed::frame::PREAMBLE;
+
 /// What a client speaks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Dialect {
@@ -7,6 +9,8 @@ pub(super) enum Dialect {
     Http,
     /// Modbus/TCP.
     ModbusTcp,
+    /// Frames of the framed bus.
+    Framed,
     /// Lines: console commands and Modbus ASCII frames, mixed at will.
     Lines,
     /// None of them.
@@ -23,6 +27,10 @@ pub(super) fn sniff(first: &[u8]) -> Option<Dialect> {
         return Some(Dialect::ModbusTcp);
     }
     let undecided_mbap = matches!(first, [] | [_] | [_, _] | [_, _, 0]);
+    // Nor has a frame: they would be its length.
+    if let [PREAMBLE, ..] = first {
+        return (!undecided_mbap).then_some(Dialect::Framed);
+    }
     if METHODS.iter().any(|method| first.starts_with(method)) {
         return Some(Dialect::Http);
     }
@@ -35,6 +43,9 @@ pub(super) fn sniff(first: &[u8]) -> Option<Dialect> {
 /// The dialect of bytes that no more will follow; none for no bytes at all.
 pub(super) fn sniff_whole(first: &[u8]) -> Option<Dialect> {
     let first = *first.first()?;
+    if first == PREAMBLE {
+        return Some(Dialect::Framed);
+    }
     let text = first == b':' || first.is_ascii_graphic() || first.is_ascii_whitespace();
     Some(if text { Dialect::Lines } else { Dialect::Unknown })
 }
@@ -45,7 +56,7 @@ mod tests {
 
     #[test]
     fn first_bytes_decide() {
-        let cases: [(&[u8], Option<Dialect>); 16] = [
+        let cases: [(&[u8], Option<Dialect>); 23] = [
             (b"", None),
             (b"G", None),
             (b"GET", None),
@@ -62,11 +73,20 @@ mod tests {
             (b"\xFF\xFE", None),
             (b"\xFF\xFE\xFD", Some(Dialect::Unknown)),
             (b"\0\x01\0\x05\0\x06", Some(Dialect::Unknown)),
+            // A transaction id may begin with 7E, and an origin be a line feed.
+            (b"\x7E\x01\0\0\0\x06", Some(Dialect::ModbusTcp)),
+            (b"\x7E\0\0\0", Some(Dialect::ModbusTcp)),
+            (b"\x7E", None),
+            (b"\x7E\x0A", None),
+            (b"\x7E\0\0", None),
+            (b"\x7E\0\0\x2D", Some(Dialect::Framed)),
+            (b"\x7E\x0A\x08", Some(Dialect::Framed)),
         ];
         for (bytes, dialect) in cases {
             assert_eq!(sniff(bytes), dialect, "{bytes:?}");
         }
         assert_eq!(sniff_whole(b"\xFF"), Some(Dialect::Unknown));
         assert_eq!(sniff_whole(b""), None);
+        assert_eq!(sniff_whole(b"\x7E\x0A"), Some(Dialect::Framed));
     }
 }

@@ -63,9 +63,22 @@ impl Document {
     }
 
     /// With a framed bus on a connector of a line, and `more` keys of it.
-    pub fn framed(mut self, name: &str, table: &Table, connector: usize, more: &str) -> Self {
-        let Settings { baud, format } = table.line;
-        let (place, live) = table.connector(connector);
+    pub fn framed(self, name: &str, table: &Table, connector: usize, more: &str) -> Self {
+        self.framed_at(name, table.line, table.connector(connector), more)
+    }
+
+    /// With a framed bus whose line is this wire.
+    pub fn framed_wire<D>(self, name: &str, line: Settings, wire: &Wire<D>, more: &str) -> Self {
+        self.framed_at(name, line, (wire.place.clone(), wire.live.clone()), more)
+    }
+
+    fn framed_at(
+        mut self,
+        name: &str,
+        Settings { baud, format }: Settings,
+        (place, live): (Place, Arc<AtomicBool>),
+        more: &str,
+    ) -> Self {
         let keys = format!(
             "name = \"{name}\"\nprotocol = \"framed\"\nbaud = {baud}\nformat = \"{format}\"\n{more}\n"
         );

@@ -5,6 +5,7 @@ mod board;
 pub mod client;
 mod document;
 pub mod ethernet;
+pub mod framed;
 mod gateway;
 pub mod http;
 pub mod rig;

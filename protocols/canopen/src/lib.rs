@@ -6,6 +6,7 @@
 //! - [`nmt`]: commands and states of nodes. [`monitor`]: whether a node is there, by heartbeat or guarding.
 //! - [`sdo`]: objects read and written, of any length. [`pdo`]: how PDOs are set up, and the values in them.
 //! - [`heartbeat`], [`sync`], [`time`]: what a manager produces itself. [`emcy`]: what nodes report.
+//! - [`boot`]: a node that has booted is judged, configured and started. [`dcf`]: with what.
 //! - [`lss`]: node-IDs and bit rates given over the bus.
 //!
 //! Sources: CiA 301 version 4.2.0, whose clauses are meant where only a number stands, and CiA 305 for layer setting
@@ -14,8 +15,10 @@
 #![forbid(unsafe_code)]
 #![deny(missing_docs)]
 
+pub mod boot;
 pub mod cob;
 mod cycle;
+pub mod dcf;
 pub mod emcy;
 pub mod frame;
 pub mod heartbeat;

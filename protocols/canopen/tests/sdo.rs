@@ -125,6 +125,7 @@ fn every_size_in_every_protocol() {
                 crc: habit & 2 == 0,
                 says_size: habit & 4 == 0,
                 expedites: habit != 5,
+                hasty: habit == 6,
             };
             for block in [false, true] {
                 let config = Config { block: [127, 5][habit & 1], ..Config::DEFAULT };
@@ -168,8 +169,9 @@ fn a_server_may_prefer_the_plain_protocol_where_it_is_allowed() {
 #[test]
 fn a_megabyte_with_a_hundredth_of_the_segments_lost() {
     let data = Random(1).bytes(1_000_000);
-    for seed in 0..3 {
-        let mut channel = Channel::with_server(Habits::default(), Config::DEFAULT, &data);
+    for seed in 0..4 {
+        let habits = Habits { hasty: seed == 3, ..Habits::default() };
+        let mut channel = Channel::with_server(habits, Config::DEFAULT, &data);
         let mut random = Random(seed);
         let (mut all, mut gone) = (0, 0);
         let mut lost = |passing: Passing| {

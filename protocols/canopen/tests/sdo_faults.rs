@@ -269,11 +269,11 @@ proptest! {
     #[test]
     fn what_ends_well_is_right(
         seed: u64, size in 0..3_000_usize, block in 1..=127_u8, own in 1..=127_u8, lost in 0..200_u64, kind in 0..4_usize,
-        says_size: bool,
+        says_size: bool, hasty: bool,
     ) {
         let mut random = Random(seed);
         let data = random.bytes(size);
-        let habits = Habits { block, says_size, ..Habits::default() };
+        let habits = Habits { block, says_size, hasty, ..Habits::default() };
         let config = Config { block: own, ..Config::DEFAULT };
         let before = if kind < 2 { data.clone() } else { vec![] };
         let mut channel = Channel::with_server(habits, config, &before);

@@ -103,6 +103,17 @@ proptest! {
         prop_assert_eq!(emit(origin, kind, frame.body), bytes);
     }
 
+    #[test]
+    fn another_origin_is_all_that_changes((origin, kind, body) in parts(), other: u8, cut in any::<prop::sample::Index>()) {
+        let mut bytes = emit(origin, kind, &body);
+        prop_assert_eq!(frame::set_origin(&mut bytes, other), Ok(()));
+        prop_assert_eq!(&bytes, &emit(other, kind, &body));
+        let cut = cut.index(bytes.len());
+        let part = bytes[..cut].to_vec();
+        prop_assert!(frame::set_origin(&mut bytes[..cut], origin).is_err());
+        prop_assert_eq!(&bytes[..cut], part);
+    }
+
     /// What is taken for a frame has no other form.
     #[test]
     fn a_frame_has_one_form((origin, kind, body) in parts(), changes in vec((any::<prop::sample::Index>(), any::<u8>()), 0..4)) {

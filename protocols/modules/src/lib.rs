@@ -36,6 +36,7 @@
 #![forbid(unsafe_code)]
 #![deny(missing_docs)]
 
+mod decimal;
 pub mod event;
 pub mod master;
 pub mod node;
@@ -44,6 +45,7 @@ pub mod report;
 pub mod setting;
 mod turns;
 
+pub use decimal::Decimal;
 pub use master::Master;
 pub use node::Node;
 pub use order::{Control, Order};

@@ -10,7 +10,7 @@ use core::fmt::{self, Write};
 use heapless::Vec;
 use puente_drives::pid::Gains;
 
-use crate::Order;
+use crate::{Decimal, Order};
 
 /// Characters of the longest number: with more, the thesis' buffer of 10 would have no room for the end of its string.
 pub const MAX_DIGITS: usize = 9;
@@ -231,12 +231,13 @@ fn binary(value: u8, data: &[u8]) -> Result<(f32, &[u8]), DataError> {
 /// The shortest text that reads as `number` again; where that is too long, the closest one.
 fn digits(number: f32) -> Option<heapless::String<MAX_DIGITS>> {
     let mut text = heapless::String::new();
-    if write!(text, "{number}").is_ok() {
+    let decimal = Decimal::from(number);
+    if write!(text, "{decimal}").is_ok() {
         return Some(text);
     }
-    (0..MAX_DIGITS).rev().find_map(|places| {
+    (0..MAX_DIGITS as u32).rev().find_map(|places| {
         text.clear();
-        write!(text, "{number:.places$}").ok()?;
+        write!(text, "{}", decimal.rounded(places)).ok()?;
         let written: f32 = text.parse().ok()?;
         let error = (written - number).abs();
         (error <= number.abs() * 1e-3).then(|| text.clone())

@@ -158,6 +158,21 @@ fn an_answer_is_one_to_what_is_wanted_now() {
     assert!(!answers(at(4)), "other gains are");
 }
 
+/// A module enables itself for one whom it has heard let go. What it said of a stop told nothing of that.
+#[test]
+fn what_ends_a_stop_or_an_off_is_no_answer_to_what_follows() {
+    let wishes: [fn(&Desk); 2] = [|desk| desk.stop_cyclic(at(0), 1), |desk| desk.switch_off(at(0), 1)];
+    for wish in wishes {
+        let desk = desk();
+        wish(&desk);
+        report(&desk, at(1), Module::Disabled, true);
+        assert_eq!(control(&desk, at(1)), Control::Observe);
+        assert!(desk.view(at(1), 1).answer().is_none());
+        report(&desk, at(2), Module::Disabled, true);
+        assert!(desk.view(at(2), 1).answer().is_some());
+    }
+}
+
 #[test]
 fn a_drive_that_falls_ends_the_lease_of_its_commander_who_must_keep_still() {
     for (state, to, cause) in [

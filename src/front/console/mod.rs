@@ -9,6 +9,7 @@ use puente_drives::edb::Parameter;
 use puente_drives::pid::Gains;
 use puente_line::Duration;
 use puente_modbus::request::Request;
+use puente_modules::Decimal;
 
 use super::lines::Reply;
 use super::system::System;
@@ -201,7 +202,7 @@ async fn axis(gateway: &Gateway, by: Commander, id: u8, command: AxisCommand) ->
             Answer::Jog(rpm)
         }
         AxisCommand::Move(position) => {
-            axes.move_to(id, by, position, None).await?;
+            axes.move_to(id, by, position, None, false).await?;
             Answer::Move(position)
         }
         AxisCommand::Gains(gains) => {
@@ -239,7 +240,15 @@ fn tell_answer(gateway: &Gateway, id: u8, answer: &Answer, reply: &mut Reply) {
             say(reply, format_args!(" set_point={position} lease_ms={}", gateway.settings.net.lease_ms));
         }
         Answer::Gains(gains) => {
-            say(reply, format_args!(" kp={} ki={} kd={}", gains.kp(), gains.ki(), gains.kd()));
+            say(
+                reply,
+                format_args!(
+                    " kp={} ki={} kd={}",
+                    Decimal::from(gains.kp()),
+                    Decimal::from(gains.ki()),
+                    Decimal::from(gains.kd())
+                ),
+            );
         }
         Answer::Value(parameter, value) => {
             say(reply, format_args!(" {parameter}={value}"));

@@ -21,6 +21,7 @@ use crate::settings::keeper::{DOCUMENT, Lent};
 use api::{Call, Task};
 use head::{Head, MAX_BODY, Method};
 use problem::Problem;
+pub(super) use reply::Lent as Sheet;
 pub use reply::Sheets;
 use reply::{Manner, Reply};
 use resource::Resource;

@@ -60,15 +60,23 @@ impl Sheets {
         self.0.len()
     }
 
-    async fn lend(&self) -> Lent<'_> {
+    /// One of them, when there is one.
+    pub(in crate::front) async fn lend(&self) -> Lent<'_> {
         Lent { from: self, sheet: Some(self.0.receive().await) }
     }
 }
 
 /// A sheet that goes back when it is dropped.
-struct Lent<'s> {
+pub(in crate::front) struct Lent<'s> {
     from: &'s Sheets,
     sheet: Option<&'static mut Sheet>,
+}
+
+impl Lent<'_> {
+    /// All of it.
+    pub(in crate::front) fn bytes(&mut self) -> &mut [u8] {
+        self.sheet.as_mut().map_or(&mut [], |sheet| &mut sheet.0)
+    }
 }
 
 impl Drop for Lent<'_> {
@@ -106,8 +114,7 @@ impl<'w, W: Write> Reply<'w, W> {
     }
 
     fn bytes(&mut self) -> &mut [u8] {
-        let sheet = self.sheet.as_mut().and_then(|lent| lent.sheet.as_mut());
-        sheet.map_or(&mut [], |sheet| &mut sheet.0)
+        self.sheet.as_mut().map_or(&mut [], Lent::bytes)
     }
 
     /// Sends one value.

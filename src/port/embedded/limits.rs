@@ -17,10 +17,10 @@ pub const BUSES: usize = 2;
 pub const FRAMED: usize = 1;
 /// Longest frame on a framed bus, in bytes.
 pub const FRAME: usize = puente_framed::frame::MAX_FRAME;
-/// Modules of a framed bus that tell events at once.
-pub const PEERS: usize = AXES;
+/// Modules of a framed bus that tell events at once; the others wait. What matters of events is in the reports, too.
+pub const PEERS: usize = 2;
 /// Frames outstanding to one station of a framed bus.
-pub const WINDOW: usize = 2;
+pub const WINDOW: usize = 1;
 /// Axes.
 pub const AXES: usize = 8;
 /// Bytes that a client may send ahead: the longest head of an HTTP request.
@@ -31,3 +31,5 @@ pub const SHEETS: usize = 4;
 pub const JOURNAL: usize = 3072;
 /// Longest line of the log, in bytes.
 pub const JOURNAL_LINE: usize = 160;
+/// Bytes of frames heard on a framed bus that are kept for clients: the longest has room.
+pub const HEARD: usize = 1540;

@@ -30,3 +30,5 @@ pub const SHEETS: usize = 32;
 pub const JOURNAL: usize = 65_536;
 /// Longest line of the log, in bytes.
 pub const JOURNAL_LINE: usize = 400;
+/// Bytes of frames heard on a framed bus that are kept for clients.
+pub const HEARD: usize = 16_384;

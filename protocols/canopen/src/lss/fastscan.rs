@@ -16,7 +16,8 @@ pub struct Known {
 }
 
 impl Known {
-    const fn part(&self, part: Part) -> Option<u32> {
+    /// One of its values.
+    pub const fn part(&self, part: Part) -> Option<u32> {
         match part {
             Part::Vendor => self.vendor,
             Part::Product => self.product,

@@ -14,11 +14,14 @@ pub struct Habits {
     pub says_size: bool,
     /// Objects of up to four bytes are read at once.
     pub expedites: bool,
+    /// It acknowledges at once when a segment is missing, as CANopenNode does, not at the end of the block; before the first
+    /// segment it passes over all others.
+    pub hasty: bool,
 }
 
 impl Default for Habits {
     fn default() -> Self {
-        Self { block: 127, crc: true, says_size: true, expedites: true }
+        Self { block: 127, crc: true, says_size: true, expedites: true, hasty: false }
     }
 }
 
@@ -283,7 +286,8 @@ impl Server {
             came = number;
             self.gathered.extend(&m[1..]);
         }
-        if number < block && !last {
+        let hasty = self.habits.hasty && !in_order;
+        if hasty && (came == 0 || number == came) || !hasty && number < block && !last {
             self.state = State::BlockDownload { came, size, crc, block };
             return vec![];
         }

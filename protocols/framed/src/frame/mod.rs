@@ -231,6 +231,26 @@ fn complete<const N: usize>(buffer: &mut heapless::Vec<u8, N>, kind: Kind) -> Re
     append(buffer, &[check, TERMINATOR])
 }
 
+/// Gives a whole frame another origin, and makes its checks anew.
+///
+/// # Errors
+/// Any [`FrameError`] of what it was, which it still is then.
+pub fn set_origin(frame: &mut [u8], origin: u8) -> Result<(), FrameError> {
+    let tagged = parse(frame)?.kind != Kind::Plain;
+    if let Some(place) = frame.get_mut(1) {
+        *place = origin;
+    }
+    if tagged {
+        let end = frame.len().saturating_sub(AFTER_COVERED);
+        let crc = CRC.checksum(frame.get(1..end).unwrap_or_default());
+        frame.iter_mut().skip(end).zip(crc.to_be_bytes()).for_each(|(place, byte)| *place = byte);
+    }
+    if let Some((packet, [check, _])) = frame.get_mut(HEADER..).and_then(<[u8]>::split_last_chunk_mut) {
+        *check = lrc(packet);
+    }
+    Ok(())
+}
+
 fn append<const N: usize>(buffer: &mut heapless::Vec<u8, N>, bytes: &[u8]) -> Result<(), EmitError> {
     buffer.extend_from_slice(bytes).map_err(|_| EmitError::TooLong)
 }

@@ -43,6 +43,8 @@ pub struct Master<const AXES: usize, const PEERS: usize, const W: usize, const N
     turn: usize,
     /// The frame that went last was a client's.
     client_went: bool,
+    /// A client's frame was refused since: the next cycle lets it go first.
+    client_waits: bool,
     fell: Option<(usize, Control)>,
     /// When the cycle's frame was ready to go.
     ready: Instant,
@@ -94,6 +96,7 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
             changed: false,
             turn: 0,
             client_went: false,
+            client_waits: false,
             fell: None,
             ready: now,
             last: None,
@@ -128,7 +131,8 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
     /// Any [`PostError`].
     pub fn post(&mut self, now: Instant, frame: &[u8]) -> Result<(), PostError> {
         let cycles_turn = self.is_due(now) && self.client_went;
-        if self.phase != Phase::Waiting || cycles_turn {
+        self.client_waits = self.phase != Phase::Waiting || cycles_turn || !self.station.is_free();
+        if self.client_waits {
             return Err(PostError::Busy);
         }
         self.station.post_frame(now, frame)?;
@@ -236,6 +240,10 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
                 if self.station.repost(kind, |body| write(axes, body)) {
                     self.written();
                 }
+            }
+            // It is asked for again now, or not at all.
+            Phase::Waiting if self.client_waits && !self.client_went && !self.hurry => {
+                self.client_waits = false;
             }
             Phase::Waiting if self.is_due(now) && self.station.is_free() => {
                 self.ask();

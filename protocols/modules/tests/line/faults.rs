@@ -3,8 +3,11 @@
 use std::time::Duration;
 
 use puente_drives::pid::{Cause, Event, State};
-use puente_framed::{Class, Kind, frame, section};
-use puente_modules::{Control, Form, Order, Setting};
+use puente_framed::arbiter::Failure;
+use puente_framed::{Class, Kind, frame, section, station};
+use puente_line::{Instant, Settings};
+use puente_modules::master::{Action, Axis, Config};
+use puente_modules::{Control, Form, Master, Order, Setting};
 
 use crate::rig::Rig;
 
@@ -175,4 +178,32 @@ fn a_stop_goes_at_once() {
             }
         }
     }
+}
+
+/// Without an echo every cycle is late, and a client's frame gets its turn all the same: it is told that it did not go.
+#[test]
+fn a_client_is_not_kept_waiting_by_a_line_that_is_not_there() {
+    let line = Settings { baud: 57_600, format: "8N1".parse().expect("a format") };
+    let config =
+        Config { station: station::Config::new(1, line, frame::MAX_FRAME), cycle: Duration::from_millis(50) };
+    let axes = [Axis { address: 17, form: Form::Text }];
+    let mut master = Master::<1, 1, 1, { frame::MAX_FRAME }>::new(config, axes, Instant::ZERO, 1);
+    let frame = order(9, 17, Control::Observe);
+    let (mut now, mut taken) = (Instant::ZERO, false);
+    let end = Instant::from_millis(20_000);
+    let outcome = loop {
+        assert!(now < end, "{} cycles failed", master.statistics().failed);
+        match master.poll(now) {
+            Action::Posted(outcome) => break outcome,
+            Action::Idle => {}
+            _ => continue,
+        }
+        // A client that comes when the line has been down for a while.
+        if now > Instant::from_millis(5_000) && !taken {
+            taken = master.post(now, &frame).is_ok();
+        }
+        now = master.poll_at().map_or(end, |at| at.max(now + Duration::from_micros(1)));
+    };
+    assert_eq!(outcome, Err(Failure::NoEcho));
+    assert!(master.statistics().failed > 2);
 }

@@ -23,9 +23,11 @@ enum Phase {
     Acknowledgement,
     /// It is, and its last segment has been repeated.
     Probe,
+    /// The whole last block is out, and the end of the transfer, for the acknowledgement may be lost.
+    ProbeEnd,
     /// The end of a block transfer.
     End {
-        /// Sent before the last block has been acknowledged, or a second time.
+        /// Not for the first time.
         repeated: bool,
     },
 }
@@ -80,7 +82,7 @@ impl Download {
         match self.phase {
             // It may not have understood the end because it had understood the one before.
             Phase::End { repeated: true } => Failure::Timeout { heard },
-            Phase::End { .. } if self.unsure => Failure::Position,
+            _ if self.unsure => Failure::Position,
             _ => Failure::Aborted(code),
         }
     }
@@ -152,7 +154,7 @@ impl Download {
                 Next::Segment(segment)
             }
             Phase::Acknowledgement | Phase::Probe => Next::Segment(self.segment(self.sent)?.0),
-            Phase::End { .. } => Next::Message(self.end()),
+            Phase::ProbeEnd | Phase::End { .. } => Next::Message(self.end()),
         })
     }
 
@@ -187,18 +189,25 @@ impl Download {
         self.phase = match self.phase {
             // Nothing is written twice.
             Phase::Initiate | Phase::Segment { .. } | Phase::InitiateBlock | Phase::Block => return false,
-            // A server that has acknowledged the last segment would not understand it again, but understands the end; one
+            // A server that has acknowledged the last segment of all would not understand it again, but understands the end; one
             // that has not takes the end for a segment out of order, unless its number is by chance the right one.
-            Phase::Acknowledgement | Phase::Probe if self.all_sent() => {
+            Phase::Acknowledgement if self.all_sent() => {
                 let [first, ..] = self.end().to_bytes();
                 if self.sent >= first & !0x80 {
                     return false;
                 }
-                Phase::End { repeated: true }
+                Phase::ProbeEnd
             }
             // In the next block it would be the right one.
-            Phase::Acknowledgement | Phase::Probe if self.sent < 2 => return false,
-            Phase::Acknowledgement | Phase::Probe => Phase::Probe,
+            Phase::Acknowledgement if self.sent < 2 => return false,
+            Phase::Acknowledgement => Phase::Probe,
+            // CANopenNode passes over all of a block whose first segment it lacks.
+            Phase::Probe | Phase::ProbeEnd if self.checks => {
+                self.unsure = true;
+                self.sent = 0;
+                Phase::Block
+            }
+            Phase::Probe | Phase::ProbeEnd => return false,
             Phase::End { .. } => Phase::End { repeated: true },
         };
         self.supplied = None;
@@ -241,10 +250,7 @@ impl Download {
                 self.take_block(block, Step::Send)
             }
             // It lacks the first segment, too; or it has acknowledged the block, and how much of it is lost.
-            (
-                Phase::Probe | Phase::End { repeated: true },
-                Ok(Response::AcknowledgeBlock { last: 0, block }),
-            ) => {
+            (Phase::Probe | Phase::ProbeEnd, Ok(Response::AcknowledgeBlock { last: 0, block })) => {
                 self.unsure = true;
                 if self.checks {
                     self.acknowledge(0, block, counters)
@@ -253,10 +259,12 @@ impl Download {
                 }
             }
             (
-                Phase::Acknowledgement | Phase::Probe | Phase::End { repeated: true },
+                Phase::Acknowledgement | Phase::Probe | Phase::ProbeEnd,
                 Ok(Response::AcknowledgeBlock { last, block }),
             ) => self.acknowledge(last, block, counters),
-            (Phase::End { .. }, Ok(Response::EndBlockDownload)) => Step::End(Ok(Outcome::Written)),
+            (Phase::ProbeEnd | Phase::End { .. }, Ok(Response::EndBlockDownload)) => {
+                Step::End(Ok(Outcome::Written))
+            }
             _ => Step::Foreign,
         }
     }

@@ -27,9 +27,9 @@ use work::{Next, Step, Work};
 ///
 /// What is lost of a block is sent again (7.2.4.3.10, 7.2.4.3.14). A lost acknowledgement of a block that was *read* is
 /// repeated, where CRC or size tell in the end whether that was right. One of a block that is *written* cannot be asked for
-/// again: after a time-out the last segment is repeated, which makes a server that lacks it acknowledge what it has. One
-/// that has acknowledged already has nothing, and the protocol has no way to say where it stands: such a transfer ends with
-/// [`Failure::Position`], at once or, where there is a CRC, at its end.
+/// again: after a time-out the last segment is repeated, then the whole block, which makes a server that lacks something of
+/// it acknowledge what it has. One that has acknowledged already has nothing to say, and the protocol has no way to tell
+/// where it stands: such a transfer ends with [`Failure::Position`], at once or, where there is a CRC, at its end.
 #[derive(Clone, Debug)]
 pub struct Client {
     config: Config,
