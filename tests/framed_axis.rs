@@ -309,3 +309,24 @@ fn over_http() {
         assert!(metrics.contains(line), "{metrics}");
     }
 }
+
+#[test]
+fn a_renewal_that_comes_late_moves_nothing() {
+    let rig = Rig::new(300);
+    let ask = |command: &str, body: Value| {
+        insist(rig.gateway.main, &format!("POST /api/axes/x/{command}"), &body.to_string())
+    };
+    assert_eq!(ask("enable", Value::Null).status, 200);
+    let renewal = json!({"position": FAR, "hold_ms": 300, "renew": true});
+    let ended = (503, "not-sent".to_owned());
+    assert_eq!(ask("move", renewal.clone()).error(), ended, "there is nothing to renew");
+    assert_eq!(rig.state(17), State::Held);
+    assert_eq!(ask("move", json!({"position": FAR, "hold_ms": 5000})).status, 200);
+    let renewed = ask("move", renewal.clone()).json();
+    assert!(renewed["lease"]["left_ms"].as_u64().is_some_and(|left| left <= 300), "{renewed}");
+    rig.held_on_its_way();
+    assert_eq!(event(&mut rig.client(), "x"), "lease-expired");
+    assert_eq!(ask("move", renewal).error(), ended);
+    assert_eq!(rig.state(17), State::Held);
+    assert_eq!(ask("move", json!({"position": 0, "hold_ms": 5000})).json()["state"], "following");
+}

@@ -263,18 +263,24 @@ impl Axes {
     }
 
     /// Sends the axis to a position, in encoder counts; it goes there, and stays, while its commander shows life. Takes
-    /// the lease as [`jog`](Self::jog) does.
+    /// the lease as [`jog`](Self::jog) does; to `renew` is to have it already, so that a motion which has ended does not
+    /// begin again by what comes late.
     pub async fn move_to(
         &self,
         id: u8,
         by: Commander,
         position: i32,
         hold: Option<Duration>,
+        renew: bool,
     ) -> Result<(), AxisError> {
         let axis = self.get(id)?;
         let spec = axis.pid("an EDB drive turns at a speed: jog")?;
         pid::in_range(position)?;
-        let permit = self.desk.lease(clock::now(), id, by.holder, hold)?;
+        let now = clock::now();
+        let permit = match renew {
+            true => self.desk.prolong(now, id, by.holder, hold)?.ok_or(pid::STOPPED)?,
+            false => self.desk.lease(now, id, by.holder, hold)?,
+        };
         let _turn = axis.turn.lock().await;
         self.module(id, axis.bus, spec).follow(permit, position).await
     }

@@ -32,7 +32,8 @@ pub(super) struct Module<'a> {
     pub(super) spec: Spec,
 }
 
-const STOPPED: AxisError = AxisError::Failure(Failure::NotSent(Reason::Stopped));
+/// A stop, or the end of the lease, came first.
+pub(super) const STOPPED: AxisError = AxisError::Failure(Failure::NotSent(Reason::Stopped));
 
 /// What a command waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

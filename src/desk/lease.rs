@@ -281,6 +281,29 @@ impl Desk {
         permit.unwrap_or(Err(Leased::Standstill(Duration::ZERO)))
     }
 
+    /// As [`lease`](Self::lease) of a holder that has the lease; none where it has ended.
+    pub fn prolong(
+        &self,
+        now: Instant,
+        axis: u8,
+        holder: Holder,
+        hold: Option<Duration>,
+    ) -> Result<Option<Permit>, Leased> {
+        let hold = hold.unwrap_or_else(|| self.with(|state| state.lease_time));
+        let permit = self.on_axis(axis, |state| {
+            state.refuse_others(holder, now)?;
+            let permit = Permit { axis, epoch: state.epoch, holder };
+            Ok(state.lease.as_mut().map(|lease| {
+                lease.hold = hold;
+                if lease.running {
+                    lease.until = now + hold;
+                }
+                permit
+            }))
+        });
+        permit.unwrap_or(Ok(None))
+    }
+
     /// Motion has begun under this permit: from now on its holder must show life. False where its lease has ended
     /// meanwhile; then the axis is being stopped.
     pub fn moving(&self, now: Instant, permit: Permit) -> bool {

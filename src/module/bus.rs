@@ -20,25 +20,27 @@ const SIGN: Duration = Duration::from_millis(500);
 
 type Node = node::Node<PEERS, EVENTS, MAX_FRAME>;
 
-/// What a node goes by.
+/// What a node goes by, but for what the port takes.
 pub fn config(bus: Bus, address: u8, form: Form) -> node::Config {
     let mut station = station::Config::new(address, bus.line, MAX_FRAME);
     let slot = bus.line.wire_time(bus.slot);
     station.arbiter.gap = bus.line.wire_time(bus.gap);
     (station.arbiter.slot, station.arbiter.rest) = (slot, slot);
-    // Characters are handed on one by one, but may have to wait for the loop.
-    station.silence = station.arbiter.gap * 2;
     node::Config { station, form }
 }
 
 /// Does what is said on the line, and tells what is asked, for ever.
 pub async fn serve<A: AxisIo>(
     line: &mut impl SerialLine,
-    config: node::Config,
+    mut config: node::Config,
     seed: u64,
     control: &Control<A>,
 ) -> ! {
     let (mut reader, mut writer) = line.split();
+    let station = &mut config.station;
+    station.arbiter.latency = reader.latency();
+    // Characters that come while those before them are looked at are handed on together, and a little late.
+    station.silence = station.arbiter.gap + station.arbiter.slot + reader.latency();
     let mut node = Node::new(config, clock::now(), seed);
     let mut buffer = [0; 64];
     loop {
@@ -51,9 +53,12 @@ pub async fn serve<A: AxisIo>(
         let wake = node.poll_at().map_or(sign, |wake| wake.min(sign));
         match select3(reader.read(&mut buffer), clock::at(Some(wake)), control.event()).await {
             Either3::First(Ok(length)) => {
+                let now = clock::now();
                 for &byte in buffer.get(..length).unwrap_or_default() {
-                    node.receive(clock::now(), byte);
-                    act(&mut node, &mut writer, control).await;
+                    node.receive(now, byte);
+                    if node.is_pressing() {
+                        act(&mut node, &mut writer, control).await;
+                    }
                 }
             }
             Either3::First(Err(_)) => node.line_error(clock::now()),

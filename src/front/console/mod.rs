@@ -202,7 +202,7 @@ async fn axis(gateway: &Gateway, by: Commander, id: u8, command: AxisCommand) ->
             Answer::Jog(rpm)
         }
         AxisCommand::Move(position) => {
-            axes.move_to(id, by, position, None).await?;
+            axes.move_to(id, by, position, None, false).await?;
             Answer::Move(position)
         }
         AxisCommand::Gains(gains) => {

@@ -62,7 +62,8 @@ pub(super) enum Change {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Action {
     Jog(i32, Option<Duration>),
-    Move(i32, Option<Duration>),
+    /// Position, hold time, and whether it only renews a move.
+    Move(i32, Option<Duration>, bool),
     Stop,
     Enable,
     Disable,
@@ -81,6 +82,8 @@ struct JogBody {
 struct MoveBody {
     position: i32,
     hold_ms: Option<u32>,
+    #[serde(default)]
+    renew: bool,
 }
 
 #[derive(Deserialize)]
@@ -156,8 +159,8 @@ fn action(command: Command, body: &[u8]) -> Result<Action, Problem> {
             Action::Jog(rpm, hold(hold_ms)?)
         }
         Command::Move => {
-            let MoveBody { position, hold_ms } = json(body, "{\"position\": 1000, \"hold_ms\": 500}")?;
-            Action::Move(position, hold(hold_ms)?)
+            let MoveBody { position, hold_ms, renew } = json(body, "{\"position\": 1000, \"hold_ms\": 500}")?;
+            Action::Move(position, hold(hold_ms)?, renew)
         }
         Command::Stop => Action::Stop,
         Command::Enable => Action::Enable,
@@ -297,7 +300,7 @@ impl Call<'_> {
         let (axes, by) = (&self.gateway.axes, self.by);
         match action {
             Action::Jog(rpm, hold) => axes.jog(id, by, rpm, hold).await,
-            Action::Move(position, hold) => axes.move_to(id, by, position, hold).await,
+            Action::Move(position, hold, renew) => axes.move_to(id, by, position, hold, renew).await,
             Action::Stop => axes.stop(id, by).await,
             Action::Enable => axes.enable(id, by).await,
             Action::Disable => axes.disable(id, by).await,

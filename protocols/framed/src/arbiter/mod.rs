@@ -121,6 +121,11 @@ impl<const N: usize> Arbiter<N> {
         matches!(self.state, State::Waiting { .. })
     }
 
+    /// Whether there is something to do at once: the frame has collided, or its outcome waits to be fetched.
+    pub const fn is_pressing(&self) -> bool {
+        matches!(self.state, State::Collided { .. } | State::Finished(_))
+    }
+
     /// Whether its outcome waits to be fetched.
     pub const fn is_finished(&self) -> bool {
         matches!(self.state, State::Finished(_))
@@ -264,8 +269,10 @@ impl<const N: usize> Arbiter<N> {
             self.busy_from = now;
         }
         self.quiet_from = until;
-        let held = self.quiet_from.since(self.busy_from) > self.config.patience();
-        if held && matches!(self.state, State::Waiting { .. }) {
+        // In this order: a patience takes a division, and this is for each byte.
+        if matches!(self.state, State::Waiting { .. })
+            && self.quiet_from.since(self.busy_from) > self.config.patience()
+        {
             self.lose(Failure::LineHeld);
         }
     }

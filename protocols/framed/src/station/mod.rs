@@ -127,6 +127,12 @@ impl<const TO: usize, const FROM: usize, const W: usize, const M: usize, const N
         self.arbiter.carrier(now);
     }
 
+    /// Whether there is something to do at once, besides what time brings about: a byte that leaves this false needs no
+    /// [`Station::poll`] before the next, if that has come already.
+    pub fn is_pressing(&self) -> bool {
+        self.decoder.is_ready() || self.arbiter.is_pressing()
+    }
+
     /// What to do now.
     pub fn poll(&mut self, now: Instant) -> Action<'_> {
         self.settle(now);

@@ -80,6 +80,11 @@ impl<const PEERS: usize, const W: usize, const N: usize> Node<PEERS, W, N> {
         self.station.carrier(now);
     }
 
+    /// Whether there is something to do at once; see [`Station::is_pressing`].
+    pub fn is_pressing(&self) -> bool {
+        self.station.is_pressing()
+    }
+
     /// What to do now. The loop is told and asked in here.
     pub fn poll(&mut self, now: Instant, servo: &mut impl Loop) -> Action<'_> {
         loop {

@@ -79,7 +79,7 @@ function press(axis, direction, button) {
 function begin(axis, verb, body) {
   tell(axis, "");
   if (!axis.order) axis.grip += 1;
-  axis.order = { verb, body, renewed: performance.now() };
+  axis.order = { verb, body };
   axis.wake();
   if (!axis.driving) drive(axis);
 }
@@ -103,12 +103,11 @@ async function drive(axis) {
   axis.driving = true;
   while (axis.order) {
     const { grip, order } = axis;
-    const [now, hold] = [performance.now(), HOLD_MS[order.verb]];
+    const hold = HOLD_MS[order.verb];
     try {
+      await send(axis, order.verb, { ...order.body(), hold_ms: hold, ...order.renewal });
       // What the gateway has ended does not begin again by itself.
-      if (order.verb === "move" && now - order.renewed > hold) throw new Error("the move has ended: the gateway was slow to answer");
-      await send(axis, order.verb, { ...order.body(), hold_ms: hold });
-      order.renewed = now;
+      if (order.verb === "move") order.renewal = { renew: true };
     } catch (error) {
       if (axis.grip === grip) letGo(axis);
       tell(axis, error.message);

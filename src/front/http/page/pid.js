@@ -4,7 +4,8 @@
 
 const SPAN_MS = 10_000;   // what the plot shows
 const SAME_MS = 20;       // values of one reading and the next that are no further apart are the same
-const SETTLED_MS = 1000;  // an axis that is on its target for so long has arrived
+const NEAR = 10;          // counts: so far from its target friction may hold an axis
+const SETTLED_MS = 2000;  // one that stands there for so long has arrived
 
 const pid = {
   build(axis) {
@@ -102,8 +103,8 @@ function limits(values) {
 }
 
 function grid(axis, low, high, y) {
-  const decade = 10 ** Math.floor(Math.log10((high - low) / 4));
-  const step = [1, 2, 5, 10].map((factor) => factor * decade).find((size) => (high - low) / size <= 4);
+  const decade = 10 ** Math.floor(Math.log10((high - low) / 5));
+  const step = [1, 2, 5, 10].map((factor) => factor * decade).find((size) => (high - low) / size <= 5);
   const ticks = [];
   for (let value = Math.ceil(low / step) * step; value <= high; value += step) ticks.push(value);
   axis.part("grid").setAttribute("d", ticks.map((value) => `M0 ${y(value)}H1000`).join(""));
@@ -115,10 +116,12 @@ function grid(axis, low, high, y) {
   }));
 }
 
-// A move that has arrived is ended, so that others may command the axis: it holds its target.
-function endArrived(axis, data) {
-  const there = axis.order && data.state === "following" && axis.order.body().position === data.set_point
-    && data.position === data.set_point;
-  if (!there) axis.there = null;
-  else if (performance.now() - (axis.there ??= performance.now()) >= SETTLED_MS) release(axis);
+// A move that has arrived is ended, so that others may command the axis: it stays where it stands.
+function endArrived(axis, { state, position, reference, set_point: target }) {
+  const near = axis.order?.body().position === target && state === "following" && reference === target
+    && Math.abs(position - target) <= NEAR;
+  const now = performance.now();
+  if (!near) axis.stands = null;
+  else if (!axis.stands || Math.abs(position - axis.stands.position) > 1) axis.stands = { position, since: now };
+  else if (now - axis.stands.since >= SETTLED_MS) release(axis);
 }
