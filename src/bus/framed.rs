@@ -20,6 +20,9 @@ const SIGN: Duration = Duration::from_millis(500);
 /// and may be late by this: more than a pause of [`RETRY`], or than anything above it takes of the processor.
 const LATE: Duration = Duration::from_millis(500);
 
+/// A port that connects over a network tells within this time whether it can.
+const OPEN: Duration = Duration::from_secs(4);
+
 /// What a pump works with.
 pub struct Setup {
     /// How the master works, but for what the port takes.
@@ -51,7 +54,7 @@ pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &(impl Image 
     let mut master = BusMaster::new(config, setup.axes, clock::now(), setup.seed);
     let mut sending = Sending::Nothing;
     let mut buffer = [0; 64];
-    let mut down = false;
+    let mut down = open(&mut writer, image).await;
     loop {
         let now = clock::now();
         if reader.carrier() {
@@ -91,17 +94,35 @@ pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &(impl Image 
                 }
                 Either4::Third(()) | Either4::Fourth(()) => continue,
             };
-        match failed {
-            None => {}
-            Some(ErrorKind::InvalidData) => master.line_error(clock::now()),
-            // A port that is gone takes its time.
-            Some(_) => Timer::after(RETRY).await,
+        if failed == Some(ErrorKind::InvalidData) {
+            master.line_error(clock::now());
+            continue;
         }
-        let is_down = failed.is_some_and(|kind| kind != ErrorKind::InvalidData);
+        let is_down = failed.is_some();
         if is_down != down {
             down = is_down;
             image.line(down);
         }
+        if down {
+            // A port that is gone takes its time.
+            Timer::after(RETRY).await;
+            open(&mut writer, image).await;
+        }
+    }
+}
+
+/// Waits until the port is open, and leaves it in peace while it opens. Tells whether that failed at first.
+async fn open(writer: &mut impl LineWriter, image: &(impl Image + Post)) -> bool {
+    let mut failed = false;
+    loop {
+        image.alive(clock::now() + OPEN + LATE);
+        if writer.flush().await.is_ok() {
+            return failed;
+        }
+        failed = true;
+        image.line(true);
+        image.outgoing(clock::now(), |_| Taken::Never(Undelivered::LineDown));
+        Timer::after(RETRY).await;
     }
 }
 
@@ -163,5 +184,137 @@ fn act(
             Action::Posted(_) if down => image.posted(Err(Undelivered::LineDown)),
             Action::Posted(outcome) => image.posted(outcome.map_err(Undelivered::Line)),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use core::cell::Cell;
+
+    use embassy_futures::select::select;
+    use embassy_futures::yield_now;
+    use embedded_io_async::ErrorType;
+    use puente_drives::pid::Event;
+    use puente_framed::station;
+    use puente_modules::master::{Output, Statistics};
+    use puente_modules::{Control, Form, Report};
+
+    use super::*;
+
+    /// A port that is opened by a flush which is not dropped before its end, and written to after that.
+    struct Slow<'a> {
+        open: &'a Cell<bool>,
+        sent: &'a Cell<usize>,
+    }
+
+    struct Half<'a>(&'a Slow<'a>);
+
+    impl ErrorType for Half<'_> {
+        type Error = ErrorKind;
+    }
+
+    impl Read for Half<'_> {
+        async fn read(&mut self, _: &mut [u8]) -> Result<usize, ErrorKind> {
+            core::future::pending().await
+        }
+    }
+
+    impl Write for Half<'_> {
+        async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
+            if !self.0.open.get() {
+                return Err(ErrorKind::NotConnected);
+            }
+            self.0.sent.set(self.0.sent.get() + bytes.len());
+            Ok(bytes.len())
+        }
+
+        async fn flush(&mut self) -> Result<(), ErrorKind> {
+            let begun = clock::now();
+            while clock::now() < begun + Duration::from_millis(30) {
+                yield_now().await;
+            }
+            self.0.open.set(true);
+            Ok(())
+        }
+    }
+
+    impl LineReader for Half<'_> {}
+
+    impl LineWriter for Half<'_> {
+        fn discard(&mut self) {}
+    }
+
+    impl SerialLine for Slow<'_> {
+        type Error = ErrorKind;
+        type Reader<'a>
+            = Half<'a>
+        where
+            Self: 'a;
+        type Writer<'a>
+            = Half<'a>
+        where
+            Self: 'a;
+
+        fn split(&mut self) -> (Half<'_>, Half<'_>) {
+            (Half(self), Half(self))
+        }
+    }
+
+    /// One axis of which nothing is wanted; and the last sign of life.
+    struct Nothing(Cell<Option<Instant>>);
+
+    impl Image for Nothing {
+        fn outputs(&self, _: Instant, mut set: impl FnMut(usize, Output)) {
+            set(0, Output::default());
+        }
+
+        fn reported(&self, _: Instant, _: usize, _: Report, _: bool) {}
+
+        fn happened(&self, _: usize, _: Event) {}
+
+        fn fell(&self, _: Instant, _: usize, _: Control) {}
+
+        async fn changed(&self) {
+            core::future::pending().await
+        }
+
+        fn counted(&self, _: Statistics) {}
+
+        fn line(&self, _: bool) {}
+
+        fn alive(&self, until: Instant) {
+            self.0.set(Some(until));
+        }
+    }
+
+    impl Post for Nothing {
+        fn outgoing(&self, _: Instant, _: impl FnOnce(&[u8]) -> Taken) {}
+
+        fn posted(&self, _: Result<(), Undelivered>) {}
+
+        fn heard(&self, _: &[u8]) {}
+    }
+
+    /// The cycle is many times shorter than what this port takes to open.
+    #[test]
+    fn a_port_has_the_time_that_it_takes_to_open() {
+        let line = puente_line::Settings { baud: 1_000_000, format: "8N1".parse().expect("a format") };
+        let setup = Setup {
+            config: Config { station: station::Config::new(1, line, 64), cycle: Duration::from_millis(2) },
+            axes: [Axis { address: 17, form: Form::Text }].into_iter().collect(),
+            seed: 1,
+        };
+        let (opened, sent) = (Cell::new(false), Cell::new(0));
+        let mut slow = Slow { open: &opened, sent: &sent };
+        let image = Nothing(Cell::new(None));
+        let before = clock::now();
+        embassy_futures::block_on(select(pump(&mut slow, setup, &image), async {
+            while sent.get() == 0 {
+                yield_now().await;
+            }
+        }));
+        assert!(opened.get());
+        let word = image.0.get().expect("a sign of life").since(before);
+        assert!(word >= SIGN + LATE, "{word:?}");
     }
 }

@@ -3,7 +3,7 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
 use puente_framed::station::{Action, Config};
-use puente_framed::{Class, Kind, Station, frame};
+use puente_framed::{Class, Kind, Station, frame, section};
 use puente_line::{Duration, Instant, Settings};
 
 type Listener = Station<2, 2, 4, 64, 256>;
@@ -26,7 +26,7 @@ fn poll(station: &mut Listener, now: Instant, heard: &mut Vec<Vec<u8>>) {
 
 fn frame(origin: u8, data: &[u8]) -> Vec<u8> {
     let mut bytes = heapless::Vec::<u8, 256>::new();
-    let body = [&[17, data.len() as u8], data, &[0]].concat();
+    let body = [&[17, data.len() as u8], data, &[section::TERMINATOR]].concat();
     frame::emit(&mut bytes, origin, Kind::Single(Class::Data), &body).expect("a frame");
     bytes.to_vec()
 }
@@ -39,26 +39,38 @@ fn piece() -> impl Strategy<Value = Vec<u8>> {
     ]
 }
 
+/// What each of the two hears of these bytes.
+fn hear(bytes: &[u8]) -> [Vec<Vec<u8>>; 2] {
+    let (mut each, mut pressed) = (listener(), listener());
+    let (mut all, mut some) = (Vec::new(), Vec::new());
+    let mut now = Instant::ZERO + Duration::from_millis(1);
+    for &byte in bytes {
+        now += Duration::from_micros(10);
+        each.receive(now, byte);
+        poll(&mut each, now, &mut all);
+        pressed.receive(now, byte);
+        if pressed.is_pressing() {
+            poll(&mut pressed, now, &mut some);
+        }
+    }
+    // The silence at the end lets both search what is left.
+    now += Duration::from_millis(1);
+    poll(&mut each, now, &mut all);
+    poll(&mut pressed, now, &mut some);
+    [all, some]
+}
+
+/// More of them than a station keeps.
+#[test]
+fn frames_in_a_row_are_all_heard() {
+    let [all, some] = hear(&frame(2, &[1; 30]).repeat(12));
+    assert_eq!((all.len(), some.len()), (12, 12));
+}
+
 proptest! {
     #[test]
-    fn nothing_is_missed_between_two_polls(pieces in vec(piece(), 1..12)) {
-        let character = Duration::from_micros(10);
-        let (mut each, mut pressed) = (listener(), listener());
-        let (mut all, mut some) = (Vec::new(), Vec::new());
-        let mut now = Instant::ZERO + Duration::from_millis(1);
-        for byte in pieces.concat() {
-            now += character;
-            each.receive(now, byte);
-            poll(&mut each, now, &mut all);
-            pressed.receive(now, byte);
-            if pressed.is_pressing() {
-                poll(&mut pressed, now, &mut some);
-            }
-        }
-        // The silence at the end lets both search what is left.
-        now += Duration::from_millis(1);
-        poll(&mut each, now, &mut all);
-        poll(&mut pressed, now, &mut some);
+    fn nothing_is_missed_between_two_polls(pieces in vec(piece(), 1..24)) {
+        let [all, some] = hear(&pieces.concat());
         prop_assert_eq!(all, some);
     }
 }

@@ -2,6 +2,12 @@
 
 use core::fmt;
 
+use super::object::{
+    INTERPOLATION_SET_POINT, POSITION, TARGET_POSITION, TARGET_TORQUE, TARGET_VELOCITY, TORQUE, VELOCITY,
+    VL_TARGET,
+};
+use super::{Controlword, Object};
+
 /// Mode of operation (6060h, 6061h).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
@@ -67,6 +73,54 @@ impl Mode {
             10 => Self::CyclicTorque,
             _ => return None,
         })
+    }
+
+    /// Its set-point. Homing has none, and what the manufacturer's have is not known.
+    pub const fn target(self) -> Option<Object> {
+        Some(match self {
+            Self::ProfilePosition | Self::CyclicPosition => TARGET_POSITION,
+            Self::InterpolatedPosition => INTERPOLATION_SET_POINT,
+            Self::ProfileVelocity | Self::CyclicVelocity => TARGET_VELOCITY,
+            Self::Velocity => VL_TARGET,
+            Self::ProfileTorque | Self::CyclicTorque => TARGET_TORQUE,
+            Self::None | Self::Homing | Self::Vendor(_) => return None,
+        })
+    }
+
+    /// What it controls, as it is.
+    pub const fn actual(self) -> Option<Object> {
+        Some(match self {
+            Self::ProfilePosition | Self::CyclicPosition | Self::InterpolatedPosition | Self::Homing => {
+                POSITION
+            }
+            Self::ProfileVelocity | Self::CyclicVelocity | Self::Velocity => VELOCITY,
+            Self::ProfileTorque | Self::CyclicTorque => TORQUE,
+            Self::None | Self::Vendor(_) => return None,
+        })
+    }
+
+    /// The mode's bits of the controlword that let it follow its set-point, besides enable operation. Those of profile position
+    /// and homing are edges, see [`super::position`] and [`super::homing`].
+    pub const fn run_bits(self) -> u16 {
+        match self {
+            Self::InterpolatedPosition => Controlword::MODE_4,
+            // Ramp enabled, unlocked, with its reference.
+            Self::Velocity => Controlword::MODE_4 | Controlword::IMMEDIATELY | Controlword::RELATIVE,
+            _ => 0,
+        }
+    }
+
+    /// What bits 12 and 13 of the statusword say in it; `None` where they say nothing.
+    pub const fn status_bits(self) -> (Option<&'static str>, Option<&'static str>) {
+        match self {
+            Self::ProfilePosition => (Some("set-point acknowledge"), Some("following error")),
+            Self::ProfileVelocity => (Some("speed is 0"), Some("slippage too high")),
+            Self::Homing => (Some("homing attained"), Some("homing error")),
+            Self::InterpolatedPosition => (Some("interpolation active"), None),
+            Self::CyclicPosition => (Some("follows the command value"), Some("following error")),
+            Self::CyclicVelocity | Self::CyclicTorque => (Some("follows the command value"), None),
+            Self::None | Self::Velocity | Self::ProfileTorque | Self::Vendor(_) => (None, None),
+        }
     }
 
     /// Whether its set-points come with every SYNC.

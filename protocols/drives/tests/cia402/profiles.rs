@@ -50,6 +50,25 @@ fn modes() {
 }
 
 #[test]
+fn what_a_mode_controls() {
+    let cases = [
+        (Mode::ProfilePosition, Some(object::TARGET_POSITION), Some(object::POSITION), 0x00),
+        (Mode::Velocity, Some(object::VL_TARGET), Some(object::VELOCITY), 0x70),
+        (Mode::ProfileVelocity, Some(object::TARGET_VELOCITY), Some(object::VELOCITY), 0x00),
+        (Mode::ProfileTorque, Some(object::TARGET_TORQUE), Some(object::TORQUE), 0x00),
+        (Mode::Homing, None, Some(object::POSITION), 0x00),
+        (Mode::InterpolatedPosition, Some(object::INTERPOLATION_SET_POINT), Some(object::POSITION), 0x10),
+        (Mode::CyclicTorque, Some(object::TARGET_TORQUE), Some(object::TORQUE), 0x00),
+        (Mode::JOG, None, None, 0x00),
+    ];
+    for (mode, target, actual, bits) in cases {
+        assert_eq!((mode.target(), mode.actual(), mode.run_bits()), (target, actual, bits), "{mode}");
+    }
+    assert_eq!(Mode::Homing.status_bits(), (Some("homing attained"), Some("homing error")));
+    assert_eq!(Mode::ProfileTorque.status_bits(), (None, None));
+}
+
+#[test]
 fn periods() {
     let parts =
         |micros| Period::new(Duration::from_micros(micros)).map(|period| (period.value(), period.exponent()));

@@ -53,8 +53,10 @@ pub struct Master<const AXES: usize, const PEERS: usize, const W: usize, const N
     /// After a cycle another gateway may go first.
     rested_at: Instant,
     rest: Duration,
-    /// When another gateway was heard last.
+    /// When another gateway was heard last, or met.
     rival: Option<Instant>,
+    /// Collisions by then.
+    collisions: u32,
     statistics: Statistics,
 }
 
@@ -103,6 +105,7 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
             rested_at: now,
             rest: station.arbiter.rest,
             rival: None,
+            collisions: 0,
             statistics: Statistics::default(),
         }
     }
@@ -343,7 +346,12 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
         if now > self.due && !self.cycle.is_zero() {
             count(&mut self.statistics.overruns);
         }
-        if self.rival.is_some_and(|heard| now.since(heard) < COMPANY) {
+        // One that has not got a word in yet is met, if not heard.
+        let collisions = self.station.statistics().collisions;
+        if core::mem::replace(&mut self.collisions, collisions) != collisions {
+            self.rival = Some(now);
+        }
+        if self.rival.is_some_and(|last| now.since(last) < COMPANY) {
             self.rested_at = now + self.rest;
         }
     }

@@ -1,10 +1,12 @@
 //! `cargo xtask bench`: measurements, printed as a page of Markdown. Progress goes to stderr, the page to stdout:
 //! `cargo xtask bench modbus > docs/bench.md`.
 //!
-//! `modbus`: the gateway and the simulated cell run as programs of their own, built for release. `csma`: virtual time.
+//! `modbus`: the gateway and the simulated cell run as programs of their own, built for release. `csma` and `framed`:
+//! virtual time.
 
 mod client;
 mod csma;
+mod framed;
 mod machine;
 mod modbus;
 mod programs;
@@ -16,7 +18,8 @@ pub fn run(arguments: &[String]) -> Outcome {
     match arguments {
         [what] if what == "modbus" => modbus::run(),
         [what] if what == "csma" => csma::run(),
-        [] => Err("say what to measure: modbus, csma".into()),
-        [word, ..] => Err(format!("unknown: {word}; there are: modbus, csma")),
+        [what] if what == "framed" => framed::run(),
+        [] => Err("say what to measure: modbus, csma, framed".into()),
+        [word, ..] => Err(format!("unknown: {word}; there are: modbus, csma, framed")),
     }
 }
