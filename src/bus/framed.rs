@@ -55,8 +55,8 @@ pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &(impl Image 
     let mut sending = Sending::Nothing;
     let mut buffer = [0; 64];
     let mut down = open(&mut writer, image).await;
+    let mut now = clock::now();
     loop {
-        let now = clock::now();
         if reader.carrier() {
             master.carrier(now);
         }
@@ -65,37 +65,39 @@ pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &(impl Image 
         image.outgoing(now, |frame| post(&mut master, now, frame));
         let sign = now + SIGN;
         let wake = master.poll_at().map_or(sign, |wake| wake.min(sign));
-        image.alive(sign + LATE);
+        image.alive(clock::now() + SIGN + LATE);
         let rest = match sending {
             Sending::Nothing => &[],
             Sending::Frame(sent) => master.sending().get(sent..).unwrap_or_default(),
             Sending::Jam(rest) => rest,
         };
         let read = reader.read(&mut buffer);
-        let failed =
-            match select4(read, send(&mut writer, rest), clock::at(Some(wake)), image.changed()).await {
-                Either4::First(Ok(count)) if count > 0 => {
-                    for byte in buffer.get(..count).unwrap_or_default() {
-                        let now = clock::now();
-                        master.receive(now, *byte);
-                        sending = act(&mut master, &mut writer, image, now, down, sending);
-                    }
-                    None
+        let next = select4(read, send(&mut writer, rest), clock::at(Some(wake)), image.changed()).await;
+        let before = now;
+        now = clock::now();
+        let failed = match next {
+            Either4::First(Ok(count)) if count > 0 => {
+                now = heard(before, now, wake);
+                for byte in buffer.get(..count).unwrap_or_default() {
+                    master.receive(now, *byte);
+                    sending = act(&mut master, &mut writer, image, now, down, sending);
                 }
-                Either4::First(Ok(_)) => Some(ErrorKind::Other),
-                Either4::First(Err(error)) => Some(error.kind()),
-                Either4::Second(Ok(count)) => {
-                    sending = sending.after(count, rest.len());
-                    None
-                }
-                Either4::Second(Err(error)) => {
-                    sending = Sending::Nothing;
-                    Some(error.kind())
-                }
-                Either4::Third(()) | Either4::Fourth(()) => continue,
-            };
+                None
+            }
+            Either4::First(Ok(_)) => Some(ErrorKind::Other),
+            Either4::First(Err(error)) => Some(error.kind()),
+            Either4::Second(Ok(count)) => {
+                sending = sending.after(count, rest.len());
+                None
+            }
+            Either4::Second(Err(error)) => {
+                sending = Sending::Nothing;
+                Some(error.kind())
+            }
+            Either4::Third(()) | Either4::Fourth(()) => continue,
+        };
         if failed == Some(ErrorKind::InvalidData) {
-            master.line_error(clock::now());
+            master.line_error(now);
             continue;
         }
         let is_down = failed.is_some();
@@ -107,8 +109,17 @@ pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &(impl Image 
             // A port that is gone takes its time.
             Timer::after(RETRY).await;
             open(&mut writer, image).await;
+            now = clock::now();
         }
     }
+}
+
+/// When the master hears what has just been read. What is there when the time has come was there before: so the time goes
+/// on when there is nothing left to be read, and a pump that is late takes its own echo for what it is. Not for ever, lest
+/// a line that is never silent holds everything up.
+fn heard(before: Instant, now: Instant, wake: Instant) -> Instant {
+    let heard = now.min(wake.before()).max(before);
+    if now.since(heard) < LATE { heard } else { now }
 }
 
 /// Waits until the port is open, and leaves it in peace while it opens. Tells whether that failed at first.
@@ -316,5 +327,14 @@ mod tests {
         assert!(opened.get());
         let word = image.0.get().expect("a sign of life").since(before);
         assert!(word >= SIGN + LATE, "{word:?}");
+    }
+
+    #[test]
+    fn what_was_there_when_the_time_came_was_heard_before() {
+        let at = Instant::from_millis;
+        assert_eq!(heard(at(10), at(20), at(50)), at(20), "in time");
+        assert_eq!(heard(at(10), at(200), at(50)), at(50).before(), "read late");
+        assert_eq!(heard(at(10), at(200), at(5)), at(10), "the time never goes back");
+        assert_eq!(heard(at(10), at(700), at(50)), at(700), "a line that is never silent");
     }
 }
