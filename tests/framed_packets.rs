@@ -208,8 +208,9 @@ fn the_longest_packet_goes_from_client_to_client() {
     let long = packet(A, Kind::Plain, &sections);
     assert_eq!(long.len(), frame::MAX_FRAME);
     from.send(&long);
-    let heard = to.receive();
-    assert_eq!((heard.origin, heard.kind, heard.sections.len()), (A, Kind::Plain, 6));
+    // A module that was disturbed may have answered twice.
+    let heard = std::iter::repeat_with(|| to.receive()).find(|packet| packet.origin == A).expect("it");
+    assert_eq!((heard.kind, heard.sections.len()), (Kind::Plain, 6));
     assert!(heard.sections.iter().all(|(_, got)| got[..] == data));
     assert_eq!(from.ask(&wish(A, OTHER, Control::Observe, 0.0)).origin, OTHER);
 }

@@ -14,20 +14,20 @@ use puente_line::Settings;
 
 /// What the line is like, in characters where it does not say otherwise.
 ///
-/// A gateway on this machine hears and talks a millisecond late, and many where others keep the machine busy; an emulated
-/// board is late with each character. So a character is long, a gap is longer than what is late as a rule, and a slot is
-/// longer than that again, lest those meet who have drawn different slots. A cycle has room for the frames of both, and
-/// the modules wait for many of them: what is lost to the machine's load stops no axis.
+/// A gateway on this machine hears and talks a millisecond late, and up to a hundred where others keep the machine busy; an
+/// emulated board is late with each character. So a gap is longer than a character is late as a rule, and a slot than an
+/// echo ever is: one that does not come in time is a collision. A cycle has room for the frames of both and a rest of a
+/// slot, and the modules wait for several: what is lost to the machine's load stops no axis.
 const BAUD: u32 = 57_600;
-const IPG: u16 = 30;
-const SLOT: u16 = 90;
-const CYCLE: Duration = ms(100);
+const IPG: u16 = 60;
+const SLOT: u16 = 900;
+const CYCLE: Duration = ms(300);
 /// How long a module goes without its commander.
-const SUPERVISION: Duration = ms(1_000);
+const SUPERVISION: Duration = ms(2_000);
 
 /// Counts a second, and where all axes are sent: further than they get while one gateway ends.
-const SPEED: u32 = 10_000;
-const TARGET: i32 = 60_000;
+const SPEED: u32 = 5_000;
+const TARGET: i32 = 50_000;
 
 fn table() -> Table {
     let line = Settings { baud: BAUD, format: "8N1".parse().expect("a format") };
@@ -74,17 +74,22 @@ impl Both {
             [document(&table, 0, AXES[0]).start(), Gateway::on_host(&document(&table, 1, AXES[1]))];
         let clients = gateways.each_ref().map(|gateway| Lines::connect(gateway.main));
         let mut both = Self { table, gateways, clients };
-        for (client, axes) in both.clients.iter_mut().zip(AXES) {
-            for (name, _) in axes {
-                until("the module is there", || client.ask(&format!("axis {name} status")).starts_with("ok"));
-                client.ok(&format!("axis {name} enable"));
-                client.ok(&format!("axis {name} move {TARGET}"));
-            }
+        for command in ["enable".to_owned(), format!("move {TARGET}")] {
+            both.each(|client, name| {
+                until("it is done", || client.ask(&format!("axis {name} {command}")).starts_with("ok"));
+            });
         }
         for (_, address) in AXES.concat() {
-            until("it moves", || both.table.position(address) > 2_000.0);
+            until("it moves", || both.table.position(address) > 500.0);
         }
         both
+    }
+
+    /// Does something with each axis.
+    fn each(&mut self, mut act: impl FnMut(&mut Lines, &str)) {
+        for (client, axes) in self.clients.iter_mut().zip(AXES) {
+            axes.iter().for_each(|(name, _)| act(client, name));
+        }
     }
 
     /// The gateway `dead` ends in the middle of the move.

@@ -7,17 +7,19 @@ use std::pin::pin;
 use std::rc::Rc;
 use std::task::Poll;
 
-use embassy_futures::select::{Either3, select3};
+use embassy_futures::select::{Either4, select4};
 use embedded_io_async::{ErrorType, Read, Write};
-use puente::axis::{Axes, AxisSpec, DriveSpec, edb};
-use puente::bus::{End, Next, Work};
-use puente::desk::{BusQueue, BusSpec, Desk};
+use puente::axis::{Axes, AxisSpec, DriveSpec, edb, pid};
+use puente::bus::{End, Image, Next, Post, Taken, Undelivered, Work};
+use puente::desk::{BusImage, BusQueue, BusSpec, Desk};
 use puente::front::Gateway;
 use puente::port::{Door, Listener, Peer, Socket};
-use puente::settings::Settings;
 use puente::settings::keeper::{self, Source};
+use puente::settings::{Bus, Framed, Protocol, Settings};
+use puente_framed::{Frame, Kind, frame, section};
 use puente_line::{Duration, Instant};
 use puente_modbus::{Evidence, Outcome};
+use puente_modules::Form;
 
 /// One client: each portion is read at once, then it closes its side.
 pub struct Client {
@@ -108,16 +110,22 @@ impl Listener for Place {
 }
 
 static DESK: Desk = Desk::new();
+/// The framed bus.
+const FRAMED: u8 = 1;
 
-/// The gateway of all visits, with the factory settings.
+/// The gateway of all visits, with the factory settings, and a framed bus with one axis.
 fn gateway() -> &'static Gateway {
-    let settings: &Settings = Box::leak(Box::new(Settings::factory()));
+    let mut settings = Settings::factory();
+    let framed = Bus { protocol: Protocol::Framed(Framed::default()), ..settings.buses[0].clone() };
+    settings.buses.push(Bus { name: "f".parse().expect("a name"), ..framed }).expect("room");
+    let settings: &Settings = Box::leak(Box::new(settings));
     let buses = settings.buses.iter().map(|bus| BusSpec {
-        units: bus.modbus().expect("a Modbus bus").units,
+        units: bus.modbus().map(|modbus| modbus.units).unwrap_or_default(),
         queue_timeout: Duration::from_secs(3),
         reply_timeout: Duration::from_millis(500),
     });
     DESK.configure(buses, Duration::from_millis(250));
+    DESK.send_frames_to(FRAMED);
     let axes = settings.axes.iter().map(|axis| AxisSpec {
         name: axis.name.clone(),
         bus: 0,
@@ -125,6 +133,15 @@ fn gateway() -> &'static Gateway {
         address: axis.address,
         drive: DriveSpec::Edb(edb::Spec { max_rpm: 3000, registers: Default::default() }),
     });
+    DESK.add_cyclic(settings.axes.len() as u8, FRAMED, Default::default());
+    let module = AxisSpec {
+        name: "m".parse().expect("a name"),
+        bus: FRAMED,
+        bus_name: "f".parse().expect("a name"),
+        address: 17,
+        drive: DriveSpec::Pid(pid::Spec { form: Form::Text, within: Duration::from_millis(100) }),
+    };
+    let axes = axes.chain([module]);
     let axes = Axes::new(&DESK, axes);
     let keeper = keeper::Keeper::new(Box::leak(Box::default()), Source::Factory, None, false);
     Box::leak(Box::new(Gateway::new(settings, &DESK, axes, Box::leak(Box::new(keeper)))))
@@ -156,6 +173,35 @@ async fn answer(desk: &'static Desk) {
     }
 }
 
+/// A framed bus without wire: each packet is whole and from somebody, is on the line or not, and is answered by a receipt.
+async fn carry(desk: &'static Desk) {
+    let image = BusImage { desk, bus: FRAMED, axes: Default::default() };
+    loop {
+        let mut sent = Vec::new();
+        image.outgoing(Instant::ZERO, |packet| {
+            sent = packet.to_vec();
+            Taken::Yes
+        });
+        if sent.is_empty() {
+            image.changed().await;
+            continue;
+        }
+        let Frame { origin, .. } = frame::parse(&sent).expect("a whole frame");
+        assert_ne!(origin, 0, "a frame of nobody");
+        let lrc = sent[sent.len() - 2];
+        if lrc & 1 == 0 {
+            image.posted(Err(Undelivered::LineDown));
+            continue;
+        }
+        image.posted(Ok(()));
+        let mut receipt = heapless::Vec::<u8, 32>::new();
+        let body = [origin, 0, section::TERMINATOR];
+        if frame::emit(&mut receipt, 17, Kind::Receipt { lrc }, &body).is_ok() {
+            image.heard(&receipt);
+        }
+    }
+}
+
 /// What a client gets that sends these portions through this door, until the gateway has done with it.
 pub fn visit(door: Door, portions: Vec<Vec<u8>>) -> Vec<u8> {
     static GATEWAY: std::sync::OnceLock<&'static Gateway> = std::sync::OnceLock::new();
@@ -164,11 +210,11 @@ pub fn visit(door: Door, portions: Vec<Vec<u8>>) -> Vec<u8> {
     let client = Client { door, portions, got: Rc::clone(&got) };
     let mut place = Place { client: Some(client), left: Rc::clone(&left) };
     let free = poll_fn(|_| if *left.borrow() { Poll::Ready(()) } else { Poll::Pending });
-    let all = select3(puente::front::serve(gateway, 0, &mut place), answer(&DESK), free);
+    let all = select4(puente::front::serve(gateway, 0, &mut place), answer(&DESK), carry(&DESK), free);
     embassy_futures::block_on(async {
         match pin!(all).await {
-            Either3::First(never) => never,
-            Either3::Second(()) | Either3::Third(()) => {}
+            Either4::First(never) => never,
+            Either4::Second(()) | Either4::Third(()) | Either4::Fourth(()) => {}
         }
     });
     got.take()

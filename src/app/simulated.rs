@@ -39,3 +39,62 @@ fn table<'a>(bus: &Bus, framed: &Framed, axes: impl Iterator<Item = &'a Axis>) -
         ..framed::Config::new(line, &[])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use puente_framed::arbiter::Policy;
+
+    use super::*;
+
+    /// The table of the settings has the manners and the modules of the bus, and of no other.
+    #[test]
+    fn a_framed_bus_has_a_module_for_each_axis() {
+        let text = r#"
+            [[bus]]
+            name = "a"
+            protocol = "modbus-rtu"
+            port = "sim"
+            [[bus]]
+            name = "b"
+            protocol = "framed"
+            port = "sim"
+            baud = 500000
+            format = "8E1"
+            policy = "thesis"
+            ipg = 3
+            slot = 10
+            echo = "off"
+            [[axis]]
+            name = "e"
+            bus = "a"
+            drive = "edb"
+            address = 5
+            [[axis]]
+            name = "x"
+            bus = "b"
+            drive = "pid"
+            address = 17
+            [[axis]]
+            name = "y"
+            bus = "b"
+            drive = "pid"
+            address = 18
+            payload = "binary"
+        "#;
+        let settings: Settings = toml::from_str(text).expect("settings");
+        let [a, b] = &settings.buses[..] else { panic!("two buses") };
+        let Simulation::Framed(config) = simulated(&settings, b) else { panic!("framed") };
+        let modules: Vec<_> = config.modules.iter().map(|module| (module.address, module.form)).collect();
+        assert_eq!(modules, [(17, Form::Text), (18, Form::Binary)]);
+        let line = line_settings(b);
+        let manners = config.manners;
+        assert_eq!((manners.line, manners.policy), (line, Policy::Thesis));
+        assert_eq!(
+            (manners.gap, manners.slot, manners.rest),
+            (line.wire_time(3), line.wire_time(10), line.wire_time(10))
+        );
+        assert!(!config.echo);
+        let Simulation::Modbus(config) = simulated(&settings, a) else { panic!("Modbus") };
+        assert_eq!(config.drives.iter().map(|drive| drive.address).collect::<Vec<_>>(), [5]);
+    }
+}

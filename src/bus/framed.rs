@@ -20,6 +20,9 @@ const SIGN: Duration = Duration::from_millis(500);
 /// and may be late by this: more than a pause of [`RETRY`], or than anything above it takes of the processor.
 const LATE: Duration = Duration::from_millis(500);
 
+/// A port that connects over a network tells within this time whether it can.
+const OPEN: Duration = Duration::from_secs(4);
+
 /// What a pump works with.
 pub struct Setup {
     /// How the master works, but for what the port takes.
@@ -51,9 +54,9 @@ pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &(impl Image 
     let mut master = BusMaster::new(config, setup.axes, clock::now(), setup.seed);
     let mut sending = Sending::Nothing;
     let mut buffer = [0; 64];
-    let mut down = false;
+    let mut down = open(&mut writer, image).await;
+    let mut now = clock::now();
     loop {
-        let now = clock::now();
         if reader.carrier() {
             master.carrier(now);
         }
@@ -62,46 +65,75 @@ pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &(impl Image 
         image.outgoing(now, |frame| post(&mut master, now, frame));
         let sign = now + SIGN;
         let wake = master.poll_at().map_or(sign, |wake| wake.min(sign));
-        image.alive(sign + LATE);
+        image.alive(clock::now() + SIGN + LATE);
         let rest = match sending {
             Sending::Nothing => &[],
             Sending::Frame(sent) => master.sending().get(sent..).unwrap_or_default(),
             Sending::Jam(rest) => rest,
         };
         let read = reader.read(&mut buffer);
-        let failed =
-            match select4(read, send(&mut writer, rest), clock::at(Some(wake)), image.changed()).await {
-                Either4::First(Ok(count)) if count > 0 => {
-                    for byte in buffer.get(..count).unwrap_or_default() {
-                        let now = clock::now();
-                        master.receive(now, *byte);
-                        sending = act(&mut master, &mut writer, image, now, down, sending);
-                    }
-                    None
+        let next = select4(read, send(&mut writer, rest), clock::at(Some(wake)), image.changed()).await;
+        let before = now;
+        now = clock::now();
+        let failed = match next {
+            Either4::First(Ok(count)) if count > 0 => {
+                now = heard(before, now, wake);
+                for byte in buffer.get(..count).unwrap_or_default() {
+                    master.receive(now, *byte);
+                    sending = act(&mut master, &mut writer, image, now, down, sending);
                 }
-                Either4::First(Ok(_)) => Some(ErrorKind::Other),
-                Either4::First(Err(error)) => Some(error.kind()),
-                Either4::Second(Ok(count)) => {
-                    sending = sending.after(count, rest.len());
-                    None
-                }
-                Either4::Second(Err(error)) => {
-                    sending = Sending::Nothing;
-                    Some(error.kind())
-                }
-                Either4::Third(()) | Either4::Fourth(()) => continue,
-            };
-        match failed {
-            None => {}
-            Some(ErrorKind::InvalidData) => master.line_error(clock::now()),
-            // A port that is gone takes its time.
-            Some(_) => Timer::after(RETRY).await,
+                None
+            }
+            Either4::First(Ok(_)) => Some(ErrorKind::Other),
+            Either4::First(Err(error)) => Some(error.kind()),
+            Either4::Second(Ok(count)) => {
+                sending = sending.after(count, rest.len());
+                None
+            }
+            Either4::Second(Err(error)) => {
+                sending = Sending::Nothing;
+                Some(error.kind())
+            }
+            Either4::Third(()) | Either4::Fourth(()) => continue,
+        };
+        if failed == Some(ErrorKind::InvalidData) {
+            master.line_error(now);
+            continue;
         }
-        let is_down = failed.is_some_and(|kind| kind != ErrorKind::InvalidData);
+        let is_down = failed.is_some();
         if is_down != down {
             down = is_down;
             image.line(down);
         }
+        if down {
+            // A port that is gone takes its time.
+            Timer::after(RETRY).await;
+            open(&mut writer, image).await;
+            now = clock::now();
+        }
+    }
+}
+
+/// When the master hears what has just been read. What is there when the time has come was there before: so the time goes
+/// on when there is nothing left to be read, and a pump that is late takes its own echo for what it is. Not for ever, lest
+/// a line that is never silent holds everything up.
+fn heard(before: Instant, now: Instant, wake: Instant) -> Instant {
+    let heard = now.min(wake.before()).max(before);
+    if now.since(heard) < LATE { heard } else { now }
+}
+
+/// Waits until the port is open, and leaves it in peace while it opens. Tells whether that failed at first.
+async fn open(writer: &mut impl LineWriter, image: &(impl Image + Post)) -> bool {
+    let mut failed = false;
+    loop {
+        image.alive(clock::now() + OPEN + LATE);
+        if writer.flush().await.is_ok() {
+            return failed;
+        }
+        failed = true;
+        image.line(true);
+        image.outgoing(clock::now(), |_| Taken::Never(Undelivered::LineDown));
+        Timer::after(RETRY).await;
     }
 }
 
@@ -163,5 +195,146 @@ fn act(
             Action::Posted(_) if down => image.posted(Err(Undelivered::LineDown)),
             Action::Posted(outcome) => image.posted(outcome.map_err(Undelivered::Line)),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use core::cell::Cell;
+
+    use embassy_futures::select::select;
+    use embassy_futures::yield_now;
+    use embedded_io_async::ErrorType;
+    use puente_drives::pid::Event;
+    use puente_framed::station;
+    use puente_modules::master::{Output, Statistics};
+    use puente_modules::{Control, Form, Report};
+
+    use super::*;
+
+    /// A port that is opened by a flush which is not dropped before its end, and written to after that.
+    struct Slow<'a> {
+        open: &'a Cell<bool>,
+        sent: &'a Cell<usize>,
+    }
+
+    struct Half<'a>(&'a Slow<'a>);
+
+    impl ErrorType for Half<'_> {
+        type Error = ErrorKind;
+    }
+
+    impl Read for Half<'_> {
+        async fn read(&mut self, _: &mut [u8]) -> Result<usize, ErrorKind> {
+            core::future::pending().await
+        }
+    }
+
+    impl Write for Half<'_> {
+        async fn write(&mut self, bytes: &[u8]) -> Result<usize, ErrorKind> {
+            if !self.0.open.get() {
+                return Err(ErrorKind::NotConnected);
+            }
+            self.0.sent.set(self.0.sent.get() + bytes.len());
+            Ok(bytes.len())
+        }
+
+        async fn flush(&mut self) -> Result<(), ErrorKind> {
+            let begun = clock::now();
+            while clock::now() < begun + Duration::from_millis(30) {
+                yield_now().await;
+            }
+            self.0.open.set(true);
+            Ok(())
+        }
+    }
+
+    impl LineReader for Half<'_> {}
+
+    impl LineWriter for Half<'_> {
+        fn discard(&mut self) {}
+    }
+
+    impl SerialLine for Slow<'_> {
+        type Error = ErrorKind;
+        type Reader<'a>
+            = Half<'a>
+        where
+            Self: 'a;
+        type Writer<'a>
+            = Half<'a>
+        where
+            Self: 'a;
+
+        fn split(&mut self) -> (Half<'_>, Half<'_>) {
+            (Half(self), Half(self))
+        }
+    }
+
+    /// One axis of which nothing is wanted; and the last sign of life.
+    struct Nothing(Cell<Option<Instant>>);
+
+    impl Image for Nothing {
+        fn outputs(&self, _: Instant, mut set: impl FnMut(usize, Output)) {
+            set(0, Output::default());
+        }
+
+        fn reported(&self, _: Instant, _: usize, _: Report, _: bool) {}
+
+        fn happened(&self, _: usize, _: Event) {}
+
+        fn fell(&self, _: Instant, _: usize, _: Control) {}
+
+        async fn changed(&self) {
+            core::future::pending().await
+        }
+
+        fn counted(&self, _: Statistics) {}
+
+        fn line(&self, _: bool) {}
+
+        fn alive(&self, until: Instant) {
+            self.0.set(Some(until));
+        }
+    }
+
+    impl Post for Nothing {
+        fn outgoing(&self, _: Instant, _: impl FnOnce(&[u8]) -> Taken) {}
+
+        fn posted(&self, _: Result<(), Undelivered>) {}
+
+        fn heard(&self, _: &[u8]) {}
+    }
+
+    /// The cycle is many times shorter than what this port takes to open.
+    #[test]
+    fn a_port_has_the_time_that_it_takes_to_open() {
+        let line = puente_line::Settings { baud: 1_000_000, format: "8N1".parse().expect("a format") };
+        let setup = Setup {
+            config: Config { station: station::Config::new(1, line, 64), cycle: Duration::from_millis(2) },
+            axes: [Axis { address: 17, form: Form::Text }].into_iter().collect(),
+            seed: 1,
+        };
+        let (opened, sent) = (Cell::new(false), Cell::new(0));
+        let mut slow = Slow { open: &opened, sent: &sent };
+        let image = Nothing(Cell::new(None));
+        let before = clock::now();
+        embassy_futures::block_on(select(pump(&mut slow, setup, &image), async {
+            while sent.get() == 0 {
+                yield_now().await;
+            }
+        }));
+        assert!(opened.get());
+        let word = image.0.get().expect("a sign of life").since(before);
+        assert!(word >= SIGN + LATE, "{word:?}");
+    }
+
+    #[test]
+    fn what_was_there_when_the_time_came_was_heard_before() {
+        let at = Instant::from_millis;
+        assert_eq!(heard(at(10), at(20), at(50)), at(20), "in time");
+        assert_eq!(heard(at(10), at(200), at(50)), at(50).before(), "read late");
+        assert_eq!(heard(at(10), at(200), at(5)), at(10), "the time never goes back");
+        assert_eq!(heard(at(10), at(700), at(50)), at(700), "a line that is never silent");
     }
 }

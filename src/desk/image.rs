@@ -195,6 +195,7 @@ impl Desk {
         self.on_slot(now, permit.axis(), |state| {
             permit.commands(&state.leases, now).then_some(())?;
             let slot = state.image.get_mut(usize::from(permit.axis()))?.as_mut()?;
+            (slot.view.wish != Wish::Off).then_some(())?;
             slot.view.want(Wish::Follow(set_point, permit));
             state.leases.get_mut(usize::from(permit.axis()))?.run(now);
             Some(())

@@ -238,8 +238,9 @@ impl Desk {
     /// The buses at a glance.
     pub fn traffic(&self) -> Traffic {
         self.with(|state| {
-            let resting = state.buses.iter().any(|bus| bus.breaker.resting() > 0);
-            let on_line = state.buses.iter().map(|bus| bus.statistics.on_line());
+            let resting = state.buses.iter().any(|bus| bus.line_down || bus.breaker.resting() > 0);
+            let of_bus = |bus: &Bus| bus.statistics.on_line().wrapping_add(bus.cycles.cycles);
+            let on_line = state.buses.iter().map(of_bus);
             Traffic { transactions: on_line.fold(0, u32::wrapping_add), resting }
         })
     }

@@ -46,6 +46,8 @@ struct Client<'g, 'w, W> {
     writer: &'w mut W,
     /// The address that it has given last as its own.
     name: u8,
+    /// A frame of its has been on the line.
+    asked: bool,
 }
 
 /// Serves the framed dialect until the visit is over.
@@ -59,7 +61,7 @@ pub(super) async fn serve<R: Read, W: Write>(
     let framed = bus.and_then(|bus| gateway.settings.buses.get(usize::from(bus))?.framed());
     let station = framed.map_or(NOBODY, |framed| framed.station);
     let follower = gateway.desk.follow_bus(guest.seat);
-    let mut client = Client { gateway, guest, bus, station, follower, writer, name: station };
+    let mut client = Client { gateway, guest, bus, station, follower, writer, name: station, asked: false };
     client.attend(inbox).await.unwrap_or_else(|end| end)
 }
 
@@ -98,7 +100,12 @@ impl<'g, W: Write> Client<'g, '_, W> {
                     0
                 }
                 Found::Nothing => {
-                    let patience = if inbox.ended() { PAUSE } else { duration(idle(self.gateway)) };
+                    let patience = match inbox.ended() {
+                        false => duration(idle(self.gateway)),
+                        // What it has asked may still be answered.
+                        true if self.asked => PAUSE,
+                        true => Duration::ZERO,
+                    };
                     if !self.listen(inbox, said + patience).await? {
                         return Ok(if inbox.ended() { End::Closed } else { End::Idle });
                     }
@@ -183,6 +190,7 @@ impl<'g, W: Write> Client<'g, '_, W> {
         turn.send(permits.clone(), stop);
         let outcome = self.during(inbox, pin!(turn.outcome())).await?;
         gateway.axes.frame_ended(&permits, outcome.is_ok());
+        self.asked |= outcome.is_ok();
         match outcome {
             Ok(()) => Ok(()),
             Err(undelivered) => self.refuse(subject, reason(undelivered)).await,

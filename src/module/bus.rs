@@ -1,4 +1,4 @@
-//! The bus of a module: what the line says goes to a [`Node`], and what that wants goes onto the line.
+//! The bus of a module: what the line says goes to a [`puente_modules::Node`], and what that wants goes onto the line.
 
 use embassy_futures::select::{Either3, select3};
 use embedded_io_async::Read;

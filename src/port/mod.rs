@@ -179,8 +179,8 @@ pub trait LineReader: Read {
 }
 
 /// The sending half of a line. `write` takes characters as soon as there is room, and waits where there is none; those
-/// of one call and of the next go out without a pause. `flush` waits until the last of them is on the line, where the
-/// port can tell. Either may be dropped; what has been taken goes out all the same.
+/// of one call and of the next go out without a pause. `flush` waits until the line is open, and until the last of them is
+/// on it, where the port can tell. Either may be dropped; what has been taken goes out all the same.
 pub trait LineWriter: Write {
     /// Drops what has been taken and not been sent: where the port can, sending ends with the character that is under
     /// way.

@@ -152,6 +152,14 @@ impl Gateway {
         Self::run(Some(config), flash, ports)
     }
 
+    /// Starts on this machine with an example's settings.
+    pub fn example(name: &str) -> Self {
+        let config = scratch(name);
+        let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples").join(name);
+        fs::copy(example, &config).expect("an example");
+        Self::run(Some(config), None, vec!["sim".into()])
+    }
+
     fn run(config: Option<PathBuf>, flash: Option<PathBuf>, ports: Vec<String>) -> Self {
         let (log, ready) = (Log::default(), Arc::default());
         let process = Process::Host(launch(config.as_deref(), flash.as_deref(), &log, &ready));

@@ -5,13 +5,18 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread::{self, JoinHandle};
+use std::time::Duration;
 
 use puente_cell::framed::{Cell, Config, Module};
 use puente_cell::live::{self, Port, Ports};
 use puente_line::Settings;
 
 use super::wire::Place;
-use super::{scratch, until};
+use super::{ms, scratch, until};
+
+/// What is on the line is heard late by so much at most, as with an adapter that collects characters: one at a time they
+/// would take all of a busy machine.
+const REST: Duration = ms(2);
 
 /// What a gateway is connected to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,7 +61,7 @@ impl Table {
         let live: Vec<_> = self.connectors.iter().map(|(_, live)| live.clone()).collect();
         self.thread = Some(thread::spawn(move || {
             live::exact_timers();
-            let mut ports = Ports::new(ports);
+            let mut ports = Ports::new(ports, REST);
             while running.load(Ordering::Relaxed) {
                 for (at, live) in live.iter().enumerate() {
                     ports.connect(at, live.load(Ordering::Relaxed));

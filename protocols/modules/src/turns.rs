@@ -1,4 +1,4 @@
-//! When answers are given: the [crate](crate) says why.
+//! When answers are given: the [crate] says why.
 
 use core::time::Duration;
 

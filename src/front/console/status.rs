@@ -140,6 +140,16 @@ fn framed(gateway: &Gateway, bus: u8, framed: &settings::Framed, reply: &mut Rep
             micros(line.backoff),
         ),
     );
+    if gateway.desk.framed_bus() == Some(bus) {
+        let packets = gateway.desk.mail_statistics();
+        say(
+            reply,
+            format_args!(
+                " packets_sent={} packets_refused={} packets_heard={} packets_lost={}",
+                packets.sent, packets.undelivered, packets.heard, packets.lost,
+            ),
+        );
+    }
 }
 
 fn modbus(gateway: &Gateway, bus: u8, reply: &mut Reply) {

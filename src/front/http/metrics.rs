@@ -116,6 +116,7 @@ pub(super) async fn send<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) 
     buses(gateway, reply).await?;
     latency(gateway, reply).await?;
     cyclic::send(gateway, reply).await?;
+    packets(gateway, reply).await?;
     axes(gateway, reply).await?;
     reply.finish().await
 }
@@ -146,6 +147,25 @@ async fn own<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) -> Result<()
     single(reply, "puente_connections_total", "counter", "Connections accepted.", connections).await?;
     single(reply, "puente_queue_used", "gauge", "Requests under way, of all clients.", used).await?;
     single(reply, "puente_queue_places", "gauge", "Requests that can be under way at once.", places).await
+}
+
+/// Clients' packets, where there is a framed bus.
+async fn packets<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) -> Result<(), End> {
+    if gateway.desk.framed_bus().is_none() {
+        return Ok(());
+    }
+    let packets = gateway.desk.mail_statistics();
+    let counts = [
+        ("sent", packets.sent),
+        ("refused", packets.undelivered),
+        ("heard", packets.heard),
+        ("lost", packets.lost),
+    ];
+    family(reply, "puente_packets_total", "counter", "Packets of clients on the framed bus.").await?;
+    for (what, count) in counts {
+        reply.put(format_args!("puente_packets_total{{what=\"{what}\"}} {count}\n")).await?;
+    }
+    Ok(())
 }
 
 /// Every Modbus bus with its name and statistics.

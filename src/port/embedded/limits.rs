@@ -26,7 +26,7 @@ pub const AXES: usize = 8;
 /// Bytes that a client may send ahead: the longest head of an HTTP request.
 pub const INBOX: usize = 1024;
 /// HTTP replies that can be written at once.
-pub const SHEETS: usize = 4;
+pub const SHEETS: usize = 3;
 /// Bytes of recent log lines that are kept.
 pub const JOURNAL: usize = 3072;
 /// Longest line of the log, in bytes.

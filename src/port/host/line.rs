@@ -257,9 +257,9 @@ impl Write for Writer<'_> {
         wire.write(bytes).await.inspect_err(|error| self.0.lost(&wire, error))
     }
 
-    /// The system does not tell.
+    /// The system does not tell what is on the line; that the line is open is what can be said.
     async fn flush(&mut self) -> io::Result<()> {
-        Ok(())
+        self.0.open().await.map(|_| ())
     }
 }
 

@@ -23,7 +23,7 @@ pub const JAM: [u8; 4] = [0xAA; 4];
 
 /// When a station talks.
 ///
-/// `N` is the longest frame, at most [`MAX_FRAME`].
+/// `N` is the longest frame, at most [`crate::frame::MAX_FRAME`].
 #[derive(Clone, Debug)]
 pub struct Arbiter<const N: usize> {
     config: Config,

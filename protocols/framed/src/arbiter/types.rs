@@ -140,7 +140,7 @@ pub enum Action<'a> {
     Jam(&'static [u8]),
     /// The frame is done.
     Done(Result<(), Failure>),
-    /// Nothing until something is heard, or the time of [`Arbiter::poll_at`].
+    /// Nothing until something is heard, or the time of [`crate::Arbiter::poll_at`].
     Idle,
 }
 

@@ -1,4 +1,4 @@
-//! The module's end: what the bus says goes to the loop, by the rules of the [crate](crate), and what it is asked comes back.
+//! The module's end: what the bus says goes to the loop, by the rules of the [crate], and what it is asked comes back.
 
 mod authority;
 mod types;

@@ -24,7 +24,7 @@ use std::time::Duration;
 pub use disturbance::{BadDisturbance, Disturbance, Encoder, Trouble, WORDS};
 pub use module::{Module, ModuleConfig};
 use puente_drives::pid::BadConfig;
-use puente_framed::arbiter;
+use puente_framed::arbiter::{self, Echo};
 use puente_line::{Instant, Settings};
 use puente_shared_line::external::External;
 use puente_shared_line::faulty::Babbler;
@@ -104,7 +104,8 @@ impl Cell {
     /// # Errors
     /// A module's setting that is out of its range.
     pub fn new(config: Config) -> Result<Self, BadConfig> {
-        let manners = config.manners;
+        // Whoever is outside may not hear himself; those inside do, and at once.
+        let manners = arbiter::Config { echo: Echo::Compared, latency: Duration::ZERO, ..config.manners };
         let mut line = Line::new(manners.line, manners.gap, config.noise, config.seed);
         let inside = Place { judged: config.judged, ..Place::new(manners.line) };
         let outside = Place { judged: false, echo: config.echo, ..inside };

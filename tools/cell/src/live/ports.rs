@@ -9,23 +9,21 @@ use puente_line::Instant;
 use super::{Port, Received, wait};
 use crate::framed::Cell;
 
-/// So long the ports of a framed cell wait at least, unless something comes: a character may take less than the system to
-/// wait for it. What is heard is late by so much at most.
-const REST: Duration = Duration::from_micros(100);
-
 /// The ports of a framed cell, and the clock that it goes by.
 pub struct Ports {
     ports: Vec<Port>,
     connected: Vec<bool>,
+    rest: Duration,
     start: std::time::Instant,
     buffer: Vec<u8>,
 }
 
 impl Ports {
-    /// One for each port of the cell, whose clock starts now.
-    pub fn new(ports: Vec<Port>) -> Self {
+    /// One for each port of the cell, whose clock starts now. Unless something comes they rest for so long, for a character may
+    /// take less than the system to wait for it: what is heard is late by so much at most.
+    pub fn new(ports: Vec<Port>, rest: Duration) -> Self {
         let connected = vec![true; ports.len()];
-        Self { ports, connected, start: std::time::Instant::now(), buffer: Vec::new() }
+        Self { ports, connected, rest, start: std::time::Instant::now(), buffer: Vec::new() }
     }
 
     /// The time.
@@ -66,7 +64,7 @@ impl Ports {
 
     /// Waits until something comes, or until `at`, when the cell has to be polled.
     pub fn wait(&self, at: Option<Instant>) -> io::Result<()> {
-        let most = at.map(|at| at.since(self.now()).max(REST));
+        let most = at.map(|at| at.since(self.now()).max(self.rest));
         wait(self.ports.iter().map(AsFd::as_fd), most)
     }
 }

@@ -5,6 +5,7 @@ use std::time::Duration;
 use puente_cell::framed::{Cell, Config, FIRST_RIVAL};
 use puente_drives::pid::State;
 use puente_framed::Decoder;
+use puente_framed::arbiter::Echo;
 use puente_framed::frame::MAX_FRAME;
 use puente_line::Instant;
 use puente_modules::Control;
@@ -84,6 +85,19 @@ fn stations_outside_hear_each_other_and_themselves() {
     };
     assert_eq!(heard(true), [b"abc"; 3]);
     assert_eq!(heard(false), [&b"abc"[..], b"", b"abc"]);
+}
+
+/// The settings of a gateway that does not hear itself are its own.
+#[test]
+fn modules_hear_themselves_where_those_outside_do_not() {
+    let mut config = config();
+    (config.echo, config.manners.echo) = (false, Echo::None);
+    let mut rig = Rig::new(config);
+    rig.enable(&[17, 18, 19]);
+    disturb(&mut rig, "17 mute on");
+    rig.milliseconds(100);
+    let attempts = rig.cell.module(17).expect("a module").statistics();
+    assert!(attempts.losses > 0, "it does not hear itself any more: {attempts:?}");
 }
 
 #[test]

@@ -3,12 +3,16 @@
 use std::io;
 use std::sync::mpsc::{Receiver, channel};
 use std::thread;
+use std::time::Duration;
 
 use puente_cell::framed::{Cell, Disturbance};
 use puente_cell::live::{self, Port, Ports};
 use puente_line::Instant;
 
 use crate::options::FramedOptions;
+
+/// How late what is heard may be.
+const REST: Duration = Duration::from_micros(100);
 
 /// Opens the ports and serves them; the error is a sentence.
 pub fn run(options: FramedOptions) -> Result<(), String> {
@@ -22,7 +26,7 @@ pub fn run(options: FramedOptions) -> Result<(), String> {
     for port in &ports {
         println!("ready {}", port.name());
     }
-    serve(&mut cell, Ports::new(ports)).map_err(|error| format!("the line failed: {error}"))
+    serve(&mut cell, Ports::new(ports, REST)).map_err(|error| format!("the line failed: {error}"))
 }
 
 fn serve(cell: &mut Cell, mut ports: Ports) -> io::Result<()> {
