@@ -30,8 +30,15 @@ struct Rig {
 
 impl Rig {
     fn new(lease_ms: u32) -> Self {
+        let rig = Self::start(lease_ms, true, "");
+        rig.modules_are_there();
+        rig
+    }
+
+    /// On a line that gives back what the gateway sends, or does not.
+    fn start(lease_ms: u32, echo: bool, keys: &str) -> Self {
         let line = Settings { baud: BAUD, format: "8N1".parse().expect("a format") };
-        let mut config = Config::new(line, &[17, 18, 19]);
+        let mut config = Config { echo, ..Config::new(line, &[17, 18, 19]) };
         let characters = |count: u16| line.wire_time(count.into());
         config.manners = arbiter::Config {
             gap: characters(IPG),
@@ -48,17 +55,19 @@ impl Rig {
         let gains = "gains = [0.001, 0.0, 0.000002]";
         let gateway = Document::new()
             .net(&format!("lease_ms = {lease_ms}"))
-            .framed("b", &table, 0, &format!("ipg = {IPG}\nslot = {SLOT}\ncycle_ms = 100"))
+            .framed("b", &table, 0, &format!("ipg = {IPG}\nslot = {SLOT}\ncycle_ms = 100\n{keys}"))
             .module("x", "b", 17, gains)
             .module("y", "b", 18, gains)
             .module("z", "b", 19, "")
             .start();
-        let rig = Self { table, gateway };
-        let mut client = rig.client();
+        Self { table, gateway }
+    }
+
+    fn modules_are_there(&self) {
+        let mut client = self.client();
         for axis in ["x", "y", "z"] {
             until("the module is there", || client.ask(&format!("axis {axis} status")).starts_with("ok"));
         }
-        rig
     }
 
     fn client(&self) -> Lines {
@@ -256,6 +265,29 @@ fn a_module_that_is_not_heard_is_told_and_the_others_go_on() {
     until("x is back", || client.ask("axis x status").starts_with("ok"));
     assert_eq!(rig.state(17), State::Disabled, "and off, as it was");
     client.ok("axis x enable");
+}
+
+/// Most adapters of which the receiver is off while they send are met here first.
+#[test]
+fn a_line_that_gives_nothing_back_is_told() {
+    let rig = Rig::start(5000, false, "");
+    let mut client = rig.client();
+    until("it is told", || client.ask("axis x status").starts_with("error not-sent "));
+    let answer = refused(&mut client, "axis x enable", "not-sent");
+    assert!(answer.contains("echo = \"off\""), "{answer}");
+    let status = client.ok("bus b status");
+    assert!(matches!(value(&status, "line"), Some("no-echo" | "collisions")), "{status}");
+    let bus = rig.get("/api/buses");
+    assert!(bus[0]["statistics"]["failure"].is_string(), "{bus}");
+}
+
+#[test]
+fn a_line_that_gives_nothing_back_is_used_where_that_is_known() {
+    let rig = Rig::start(5000, false, "echo = \"off\"");
+    rig.modules_are_there();
+    let mut client = rig.client();
+    client.ok("axis x enable");
+    assert_eq!(rig.state(17), State::Held);
 }
 
 #[test]

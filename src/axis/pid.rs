@@ -101,9 +101,11 @@ impl Module<'_> {
 
     /// Why a module that should have reported has not.
     fn silent(&self) -> AxisError {
-        let failure = match self.desk.line_down(self.bus) {
-            true => Failure::NotSent(Reason::LineDown),
-            false => Failure::NoReply(Evidence::Silence),
+        let refused = self.desk.cycles(self.bus).and_then(|cycles| cycles.failure);
+        let failure = match refused {
+            _ if self.desk.line_down(self.bus) => Failure::NotSent(Reason::LineDown),
+            Some(failure) => Failure::NotSent(Reason::Line(failure)),
+            None => Failure::NoReply(Evidence::Silence),
         };
         AxisError::Failure(failure)
     }

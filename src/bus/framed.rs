@@ -187,7 +187,7 @@ fn act(
                 image.reported(now, axis, report, current);
                 image.counted(master.statistics());
             }
-            Action::Missed { .. } => image.counted(master.statistics()),
+            Action::Missed { .. } | Action::Failed => image.counted(master.statistics()),
             Action::Event { axis, event } => image.happened(axis, event),
             Action::Fell { axis, to } => image.fell(now, axis, to),
             Action::Heard(frame) => image.heard(frame),

@@ -22,6 +22,7 @@ use embassy_sync::blocking_mutex::Mutex;
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
 use heapless::Vec;
+use puente_framed::arbiter::Failure as LineFailure;
 use puente_line::{Duration, Instant};
 use puente_modbus::Evidence;
 
@@ -60,6 +61,8 @@ pub enum Reason {
     Stopped,
     /// The port of the bus failed.
     LineDown,
+    /// What shares the line does not let it pass.
+    Line(LineFailure),
 }
 
 impl fmt::Display for Failure {
@@ -86,6 +89,14 @@ impl fmt::Display for Reason {
             }
             Reason::Stopped => f.write_str("a stop or the end of the lease came first"),
             Reason::LineDown => f.write_str("the port of the bus failed"),
+            // Without an echo an answer looks like a collision.
+            Reason::Line(failure @ (LineFailure::NoEcho | LineFailure::Collisions { .. })) => {
+                write!(
+                    f,
+                    "{failure}; an adapter that gives nothing back of what is sent needs echo = \"off\""
+                )
+            }
+            Reason::Line(failure) => failure.fmt(f),
         }
     }
 }

@@ -77,7 +77,8 @@ impl Statistics {
             Reason::Stopped => self.stopped += 1,
             Reason::LineDown => self.line_down += 1,
             Reason::QueueFull => self.queue_full += 1,
-            Reason::Unmapped => {}
+            // The counts of a cyclic bus are its master's.
+            Reason::Unmapped | Reason::Line(_) => {}
         }
     }
 }

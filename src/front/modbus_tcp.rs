@@ -57,9 +57,8 @@ fn exception(failure: Failure) -> Exception {
     match failure {
         Failure::NotSent(Reason::Unmapped) => Exception::GatewayPathUnavailable,
         Failure::NotSent(Reason::QueueFull | Reason::Stopped) => Exception::ServerDeviceBusy,
-        Failure::NotSent(Reason::Expired | Reason::Resting(_) | Reason::LineDown) | Failure::NoReply(_) => {
-            Exception::GatewayTargetFailed
-        }
+        Failure::NotSent(Reason::Expired | Reason::Resting(_) | Reason::LineDown | Reason::Line(_))
+        | Failure::NoReply(_) => Exception::GatewayTargetFailed,
     }
 }
 

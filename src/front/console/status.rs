@@ -3,6 +3,7 @@
 use core::fmt::Write;
 
 use puente_drives::pid::State;
+use puente_framed::arbiter;
 use puente_line::{Instant, micros, millis};
 
 use super::super::Gateway;
@@ -110,6 +111,17 @@ pub(super) fn bus(gateway: &Gateway, bus: u8, reply: &mut Reply) {
     }
 }
 
+/// What becomes of frames for a framed line, in a word.
+const fn line_state(down: bool, failure: Option<arbiter::Failure>) -> &'static str {
+    match failure {
+        _ if down => "down",
+        None => "up",
+        Some(arbiter::Failure::Collisions { .. }) => "collisions",
+        Some(arbiter::Failure::LineHeld) => "held",
+        Some(arbiter::Failure::NoEcho) => "no-echo",
+    }
+}
+
 fn framed(gateway: &Gateway, bus: u8, framed: &settings::Framed, reply: &mut Reply) {
     let Some(counted) = gateway.desk.cycles(bus) else { return };
     let line = &counted.line;
@@ -118,7 +130,7 @@ fn framed(gateway: &Gateway, bus: u8, framed: &settings::Framed, reply: &mut Rep
         format_args!(
             " station={} line={} cycle_ms={} cycle_us={} longest_us={} cycles={} given_up={} overruns={} missed={}",
             framed.station,
-            if gateway.desk.line_down(bus) { "down" } else { "up" },
+            line_state(gateway.desk.line_down(bus), counted.failure),
             framed.cycle_ms,
             micros(counted.last_cycle),
             micros(counted.longest_cycle),

@@ -122,9 +122,7 @@ impl fmt::Display for Failure {
         match self {
             Self::Collisions { attempts } => write!(f, "{attempts} attempts in a row collided"),
             Self::LineHeld => f.write_str("something holds the line without a gap"),
-            Self::NoEcho => {
-                f.write_str("the station does not hear itself; is its receiver on while it sends?")
-            }
+            Self::NoEcho => f.write_str("the station does not hear itself"),
         }
     }
 }

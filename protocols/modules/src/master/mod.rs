@@ -196,7 +196,12 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
                         return Action::Event { axis, event };
                     }
                 }
-                station::Action::Posted(outcome) if self.phase == Phase::Sending => self.sent(now, outcome),
+                station::Action::Posted(outcome) if self.phase == Phase::Sending => {
+                    self.sent(now, outcome);
+                    if outcome.is_err() {
+                        return Action::Failed;
+                    }
+                }
                 station::Action::Posted(outcome) => return Action::Posted(outcome),
                 _ => {}
             }
@@ -312,6 +317,7 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
 
     /// The cycle's frame is off the line.
     fn sent(&mut self, now: Instant, outcome: Result<(), Failure>) {
+        self.statistics.failure = outcome.err();
         if outcome.is_err() {
             count(&mut self.statistics.failed);
             return self.end_cycle(now);

@@ -61,6 +61,8 @@ pub enum Action<'a> {
         /// Its place.
         axis: usize,
     },
+    /// The frame of a cycle was given up: see [`Statistics::failure`].
+    Failed,
     /// What an axis that this master commands tells.
     Event {
         /// Its place.
@@ -92,6 +94,8 @@ pub struct Statistics {
     pub cycles: u32,
     /// Cycles whose frame was given up.
     pub failed: u32,
+    /// Why the last cycle's frame was given up; none where it was on the line.
+    pub failure: Option<Failure>,
     /// Cycles that became due while the one before was still in work.
     pub overruns: u32,
     /// Reports that were asked for and did not come.

@@ -80,6 +80,7 @@ impl GatewaySide {
                 master::Action::Missed { axis } => self.missed.push(axis),
                 master::Action::Heard(bytes) => self.heard.push(bytes.to_vec()),
                 master::Action::Posted(outcome) => self.posted.push(outcome.is_ok()),
+                master::Action::Failed => {}
                 master::Action::Idle => return None,
             }
         }

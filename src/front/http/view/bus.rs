@@ -1,5 +1,6 @@
 //! What is said of a bus, under the names that the settings have, and what was counted on it.
 
+use puente_framed::arbiter;
 use puente_line::micros;
 use puente_modbus::Counters;
 use puente_modules::master;
@@ -46,6 +47,7 @@ struct Cycles {
     last_cycle_us: u64,
     longest_cycle_us: u64,
     line_down: bool,
+    failure: Option<Text<arbiter::Failure>>,
     line: Arbiter,
 }
 
@@ -156,6 +158,7 @@ impl<'a> Framed<'a> {
                 last_cycle_us: micros(cycles.last_cycle),
                 longest_cycle_us: micros(cycles.longest_cycle),
                 line_down,
+                failure: cycles.failure.map(Text),
                 line: Arbiter {
                     frames: cycles.line.frames,
                     attempts: cycles.line.attempts,
