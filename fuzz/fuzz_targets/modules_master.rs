@@ -126,7 +126,7 @@ libfuzzer_sys::fuzz_target!(|data: &[u8]| {
                 Action::Reported { axis, .. } | Action::Event { axis, .. } | Action::Missed { axis } => {
                     assert!(axis < 2)
                 }
-                Action::Jam(_) => {}
+                Action::Jam(_) | Action::Failed => {}
                 Action::Idle => {
                     let waits = master.poll_at().is_none_or(|at| at > now);
                     // Once, so that a client that was refused can try again.

@@ -1,4 +1,4 @@
-//! Whatever the line says, a module's end neither panics nor spins, sends frames only, and moves for its commander alone.
+//! Whatever the line says, a module's end neither panics nor spins, and sends frames only.
 #![no_main]
 
 use std::time::Duration;
@@ -75,7 +75,7 @@ libfuzzer_sys::fuzz_target!(|data: &[u8]| {
         let mut heard = heard;
         let mut at = 0;
         for _ in 0..20_000 {
-            let before = (module.status(), node.commander());
+            let before = module.status().state;
             match node.poll(now, &mut module) {
                 node::Action::Transmit(bytes) => {
                     let frame = frame::parse(bytes).expect("it sends frames");
@@ -97,12 +97,10 @@ libfuzzer_sys::fuzz_target!(|data: &[u8]| {
                     at += 1;
                 }
             }
-            let (status, state) = (module.status(), before.0.state);
-            if status.state != State::Disabled && state == State::Disabled {
-                assert_eq!(status.state, State::Starting);
+            let status = module.status();
+            if status.state != State::Disabled && before == State::Disabled {
+                assert_eq!(status.state, State::Starting, "it does not jump");
                 assert!(node.commander().is_some());
-            } else if state != State::Disabled {
-                assert_eq!(node.commander(), before.1, "who commands changes with an enable only");
             }
         }
         assert_eq!(at, heard.len(), "it spins");

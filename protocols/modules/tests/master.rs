@@ -82,3 +82,13 @@ fn a_stop_that_comes_too_late_for_a_frame_goes_with_the_next() {
     assert_eq!(control(&rig.sends()), Control::Off);
     assert!(rig.now.since(begun) < Duration::from_millis(2), "the cycle is 5 ms; nobody has answered");
 }
+
+/// A board has some 6 KB for a framed bus: eight modules, each with a window of its own, frames of any length.
+#[test]
+fn a_master_is_small() {
+    assert!(
+        size_of::<Master<8, 8, 2, MAX_FRAME>>() <= 6 * 1024,
+        "{}",
+        size_of::<Master<8, 8, 2, MAX_FRAME>>()
+    );
+}

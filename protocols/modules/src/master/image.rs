@@ -1,9 +1,11 @@
-//! One axis of the process image.
+//! The process image: what is wanted of each axis, and what is known of it.
 
 use heapless::Vec;
 use puente_drives::pid::{Gains, State};
+use puente_framed::frame::EmitError;
+use puente_framed::{Class, Frame, Kind, section};
 
-use super::{Axis, Output, is_under_current};
+use super::{Axis, Output};
 use crate::setting::{self, MAX_DATA, MAX_SET_POINT};
 use crate::{Control, Order, Report};
 
@@ -119,6 +121,29 @@ impl Image {
         self.set(Output { control: to, ..self.output });
         Some(to)
     }
+}
+
+/// The report that a frame is, of an axis that was asked.
+pub(super) fn report_of(frame: &Frame<'_>, address: u8, axes: &[Image]) -> Option<(usize, Report)> {
+    if frame.kind != Kind::Single(Class::Status) || frame.destination() != address {
+        return None;
+    }
+    let asked = |image: &Image| image.axis.address == frame.origin && image.owes();
+    let axis = axes.iter().position(asked)?;
+    Some((axis, Report::parse(frame.section_for(address)?.data)?))
+}
+
+/// The sections of a cycle's frame.
+pub(super) fn write<const N: usize>(axes: &[Image], body: &mut Vec<u8, N>) -> Result<(), EmitError> {
+    for image in axes {
+        section::push(body, image.axis.address, &image.data(image.ask))?;
+    }
+    Ok(())
+}
+
+/// Whether an axis is under current.
+const fn is_under_current(state: State) -> bool {
+    matches!(state, State::Starting | State::Enabled | State::Held)
 }
 
 /// Gains as they are sent; zeros where they cannot be.

@@ -6,16 +6,15 @@ mod types;
 use core::time::Duration;
 
 use heapless::Vec;
-use puente_drives::pid::State;
 use puente_framed::arbiter::{Failure, Precedence};
-use puente_framed::frame::{EmitError, TAGGED_OVERHEAD};
+use puente_framed::frame::TAGGED_OVERHEAD;
 use puente_framed::station::{self, PostError};
-use puente_framed::{Class, Frame, Kind, Station, section};
+use puente_framed::{Class, Kind, Station, section};
 use puente_line::{Instant, micros};
 
 use crate::turns::Turns;
 use crate::{Control, Report, event, setting};
-use image::Image;
+use image::{Image, report_of, write};
 pub use types::{Action, Axis, Config, Output, Statistics};
 
 /// Part of a cycle that its frame and its answers may take, in percent.
@@ -384,29 +383,6 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
         }
         Action::Reported { axis, report, current }
     }
-}
-
-/// The report that a frame is, of an axis that was asked.
-fn report_of(frame: &Frame<'_>, address: u8, axes: &[Image]) -> Option<(usize, Report)> {
-    if frame.kind != Kind::Single(Class::Status) || frame.destination() != address {
-        return None;
-    }
-    let asked = |image: &Image| image.axis.address == frame.origin && image.owes();
-    let axis = axes.iter().position(asked)?;
-    Some((axis, Report::parse(frame.section_for(address)?.data)?))
-}
-
-/// The sections of a cycle's frame.
-fn write<const N: usize>(axes: &[Image], body: &mut Vec<u8, N>) -> Result<(), EmitError> {
-    for image in axes {
-        section::push(body, image.axis.address, &image.data(image.ask))?;
-    }
-    Ok(())
-}
-
-/// Whether an axis is under current.
-const fn is_under_current(state: State) -> bool {
-    matches!(state, State::Starting | State::Enabled | State::Held)
 }
 
 fn count(counter: &mut u32) {
