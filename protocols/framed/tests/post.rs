@@ -148,9 +148,9 @@ fn what_waits_can_be_changed_or_taken_back() {
     let write = |data: &'static [u8]| {
         move |buffer: &mut heapless::Vec<u8, 128>| Ok(puente_framed::section::push(buffer, 17, data)?)
     };
-    assert!(!rig.station.repost(SINGLE, write(b"first")) && !rig.station.withdraw());
+    assert!(!rig.station.repost(rig.now, SINGLE, write(b"first")) && !rig.station.withdraw());
     assert_eq!(rig.station.post(rig.now, SINGLE, &body(&[(17, b"zeroth")])), Ok(()));
-    assert!(rig.station.repost(SINGLE, write(b"first")));
+    assert!(rig.station.repost(rig.now, SINGLE, write(b"first")));
     rig.run(5);
     assert_eq!(rig.sent, [emit(1, SINGLE, &body(&[(17, b"first")]))]);
     rig.station.post(rig.now, SINGLE, &body(&[(17, b"second")])).expect("free");

@@ -73,6 +73,11 @@ impl<const TO: usize, const FROM: usize, const W: usize, const M: usize, const N
         self.is_free() || (self.arbiter.is_waiting() && !matches!(self.sending, Sending::Post))
     }
 
+    /// Whether what was posted is not on the line, for good or until its next attempt.
+    pub const fn is_waiting(&self) -> bool {
+        matches!(self.sending, Sending::Post) && self.arbiter.is_waiting()
+    }
+
     /// Takes back what was posted and is not on the line; false where there is nothing. It is not reported then.
     pub fn withdraw(&mut self) -> bool {
         matches!(self.sending, Sending::Post) && self.arbiter.withdraw()
@@ -82,10 +87,13 @@ impl<const TO: usize, const FROM: usize, const W: usize, const M: usize, const N
     /// back-off goes on. False where there is nothing. A frame that cannot be made is taken back, and not reported.
     pub fn repost(
         &mut self,
+        now: Instant,
         kind: Kind,
         write: impl FnOnce(&mut Vec<u8, N>) -> Result<(), EmitError>,
     ) -> bool {
         let origin = self.config.address;
+        // What collided may go again now.
+        self.arbiter.elapse(now);
         let posted = matches!(self.sending, Sending::Post);
         posted && self.arbiter.rewrite(|buffer| frame::build(buffer, origin, kind, write))
     }

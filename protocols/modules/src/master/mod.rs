@@ -63,6 +63,9 @@ pub struct Master<const AXES: usize, const PEERS: usize, const W: usize, const N
 /// So long after another gateway has been heard one keeps letting it go first.
 const COMPANY: Duration = Duration::from_secs(1);
 
+/// A cycle's frame.
+const CYCLE: Kind = Kind::Single(Class::Data);
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// For the next cycle.
@@ -216,7 +219,7 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
             _ if self.fell.is_some() => Some(Instant::ZERO),
             Phase::Answering(until) => Some(until),
             Phase::Waiting if self.station.is_free() && !self.axes.is_empty() => Some(self.begins_at()),
-            Phase::Sending if self.changed => Some(Instant::ZERO),
+            Phase::Sending if self.changed && self.station.is_waiting() => Some(Instant::ZERO),
             _ => None,
         };
         [self.station.poll_at(), own].into_iter().flatten().min()
@@ -239,16 +242,8 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
 
     /// Begins a cycle that is due, or has one that is waiting for the line say what is wanted now.
     fn cycle(&mut self, now: Instant) {
-        let axes = &self.axes;
-        let kind = Kind::Single(Class::Data);
         match self.phase {
-            Phase::Sending if self.changed => {
-                self.changed = false;
-                // Where it is on the line already, the next cycle says so.
-                if self.station.repost(kind, |body| write(axes, body)) {
-                    self.written();
-                }
-            }
+            Phase::Sending if self.changed => self.renew(now),
             // It is asked for again now, or not at all.
             Phase::Waiting if self.client_waits && !self.client_went && !self.hurry => {
                 self.client_waits = false;
@@ -256,7 +251,8 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
             Phase::Waiting if self.is_due(now) && self.station.is_free() => {
                 self.ask();
                 let axes = &self.axes;
-                if self.station.post_with(now, Precedence::Ordinary, kind, |body| write(axes, body)).is_ok() {
+                if self.station.post_with(now, Precedence::Ordinary, CYCLE, |body| write(axes, body)).is_ok()
+                {
                     self.phase = Phase::Sending;
                     self.ready = now;
                     self.written();
@@ -266,6 +262,15 @@ impl<const AXES: usize, const PEERS: usize, const W: usize, const N: usize> Mast
                 self.due = if self.due <= now && now < next { next } else { now + self.cycle };
             }
             _ => {}
+        }
+    }
+
+    /// Has the cycle's frame say what is wanted now. Where it is on the line already, the next one does, or this one should it
+    /// collide.
+    fn renew(&mut self, now: Instant) {
+        let axes = &self.axes;
+        if self.station.repost(now, CYCLE, |body| write(axes, body)) {
+            self.written();
         }
     }
 

@@ -3,9 +3,11 @@
 mod authority;
 mod types;
 
+use core::time::Duration;
+
 use puente_drives::pid::Event;
 use puente_framed::arbiter::{Precedence, Statistics};
-use puente_framed::window::Refused;
+use puente_framed::window::{Cause, Outcome, Refused, Ticket};
 use puente_framed::{Class, Frame, Kind, Reason, Station, frame, section, station};
 use puente_line::Instant;
 
@@ -27,6 +29,12 @@ pub struct Node<const PEERS: usize, const W: usize, const N: usize> {
     answer: Option<Answer>,
     /// What the commander has not been told yet.
     event: Option<(u8, Event)>,
+    /// When to tell it, if not at once.
+    again_at: Option<Instant>,
+    /// How long until then.
+    pause: Duration,
+    /// What he has been told last.
+    last: Option<(Ticket, u8, Event)>,
 }
 
 /// What was asked.
@@ -56,6 +64,9 @@ impl<const PEERS: usize, const W: usize, const N: usize> Node<PEERS, W, N> {
             turns: Turns::new(&config.station.arbiter),
             answer: None,
             event: None,
+            again_at: None,
+            pause: config.station.window.min_timeout,
+            last: None,
         }
     }
 
@@ -93,7 +104,14 @@ impl<const PEERS: usize, const W: usize, const N: usize> Node<PEERS, W, N> {
             match self.station.poll(now) {
                 station::Action::Transmit(_) => return Action::Transmit(self.station.sent()),
                 station::Action::Jam(bytes) => return Action::Jam(bytes),
-                station::Action::Idle => return Action::Idle,
+                // A collision that is over may just have let the answer in.
+                station::Action::Idle => {
+                    if self.answers(now) {
+                        continue;
+                    }
+                    return Action::Idle;
+                }
+                station::Action::Done { ticket, outcome, .. } => self.told(now, ticket, outcome),
                 station::Action::Heard(frame) => {
                     let place = (self.address, self.form, self.turns);
                     if let Some(answer) = take(&mut self.authority, place, now, frame, servo) {
@@ -110,7 +128,7 @@ impl<const PEERS: usize, const W: usize, const N: usize> Node<PEERS, W, N> {
     /// When to poll again, besides after everything that is told to the node.
     pub fn poll_at(&self) -> Option<Instant> {
         let answer = self.answer.filter(|_| self.station.can_answer()).map(|answer| answer.at);
-        [self.station.poll_at(), answer].into_iter().flatten().min()
+        [self.station.poll_at(), answer, self.again_at].into_iter().flatten().min()
     }
 
     /// Who commands, or was the last to, while the module was under current.
@@ -123,10 +141,15 @@ impl<const PEERS: usize, const W: usize, const N: usize> Node<PEERS, W, N> {
         self.station.statistics()
     }
 
+    /// Whether the turn of the answer has come.
+    fn answers(&self, now: Instant) -> bool {
+        self.answer.is_some_and(|answer| answer.at <= now) && self.station.can_answer()
+    }
+
     /// Puts the answer onto the line when its turn has come.
     fn give_answer(&mut self, now: Instant, servo: &impl Loop) {
-        let free = self.station.can_answer();
-        let Some(Answer { to, what, .. }) = self.answer.take_if(|answer| free && answer.at <= now) else {
+        let answers = self.answers(now);
+        let Some(Answer { to, what, .. }) = self.answer.take_if(|_| answers) else {
             return;
         };
         // Nothing is in work, and it fits.
@@ -144,12 +167,33 @@ impl<const PEERS: usize, const W: usize, const N: usize> Node<PEERS, W, N> {
     }
 
     fn give_event(&mut self, now: Instant) {
-        let Some((to, what)) = self.event else { return };
+        let Some((to, what)) = self.event.filter(|_| self.again_at.is_none_or(|at| at <= now)) else {
+            return;
+        };
+        self.again_at = None;
         let [code] = event::emit(what);
         let body = [to, 1, code, section::TERMINATOR];
-        // Where all places are taken, the commander does not answer: it may later.
-        if self.station.submit(now, to, Class::Event, &body) != Err(Refused::Full) {
-            self.event = None;
+        match self.station.submit(now, to, Class::Event, &body) {
+            // All places are taken: he does not answer, but he may later.
+            Err(Refused::Full) => return,
+            Err(_) => {}
+            Ok(ticket) => self.last = Some((ticket, to, what)),
+        }
+        self.event = None;
+    }
+
+    /// What has become of an event. A commander that has started anew, or had no room, is told the last one again.
+    fn told(&mut self, now: Instant, ticket: Ticket, outcome: Outcome) {
+        let Some((_, to, what)) = self.last.take_if(|(last, ..)| *last == ticket) else {
+            return;
+        };
+        let cause = match outcome {
+            Outcome::Confirmed => return,
+            Outcome::Unconfirmed(cause) | Outcome::NotSent(cause) => cause,
+        };
+        if matches!(cause, Cause::Restarted | Cause::NoRoom) && self.event.is_none() {
+            self.event = Some((to, what));
+            self.again_at = Some(now + self.pause);
         }
     }
 }

@@ -122,6 +122,21 @@ fn a_fault_is_told_and_taken_back() {
     rig.enable(1, &[0]);
 }
 
+/// The gateway has started anew, and knows nothing of the window that the module has to it.
+#[test]
+fn a_gateway_that_started_anew_is_told_too() {
+    let mut rig = moving(0.0, 1);
+    assert!(rig.at(1).events.contains(&(0, Event::Enabled)));
+    let anew = rig.gateway_side(1, Duration::from_millis(4), &AXES);
+    rig.replace(1, anew);
+    let seat = rig.seat(1);
+    rig.line.place(seat).judged = false;
+    rig.run_ms(300);
+    let mut events = rig.at(1).events.clone();
+    events.sort_by_key(|(axis, _)| *axis);
+    assert_eq!(events, [0, 1, 2].map(|axis| (axis, Event::Fault(Cause::Communication))));
+}
+
 /// One character in three hundred or so is wrong at every receiver: frames are lost, and the axes do not notice.
 #[test]
 fn noise_costs_reports_and_nothing_else() {

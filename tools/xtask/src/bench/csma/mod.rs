@@ -45,9 +45,15 @@ struct Table {
 pub fn run() -> Outcome {
     let line = Settings { baud: 1_000_000, format: "8N1".parse().map_err(|error| format!("{error}"))? };
     let ours = Config::new(line);
-    // Ethernet's slot and gap, in bits, and no rest.
+    // Ethernet's slot and gap, in bits, no deference and no rest.
     let slot = Duration::from_micros(512);
-    let ethernet = Config { gap: Duration::from_micros(96), slot, rest: Duration::ZERO, ..ours };
+    let ethernet = Config {
+        gap: Duration::from_micros(96),
+        deference: Duration::ZERO,
+        slot,
+        rest: Duration::ZERO,
+        ..ours
+    };
     let saturated = [saturated(ours)?, saturated(ethernet)?];
     let loaded = loaded(ours)?;
     let chart = root().join("docs/csma.svg");

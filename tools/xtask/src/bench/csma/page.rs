@@ -36,8 +36,8 @@ pub fn page(saturated: &[Table; 2], loaded: &Table) -> String {
          evenly. *Fairness* is Jain's index over the whole run and over {SHORT} frames a station. *Given up* are frames that\n\
          collided 16 times in a row, which is reported; windows repeat them. The longer frames are in slots, the more are\n\
          given up, since all who wait for the end of a frame begin at once.\n\n\
-         ### Slot {} us, gap {} us, rest {} us (the default)\n\n{}\n\
-         ### Slot {} us, gap {} us, no rest (IEEE 802.3, in bits)\n\n{}\n\
+         ### Slot {} us, gap {} us, deference {} us, rest {} us (the default)\n\n{}\n\
+         ### Slot {} us, gap {} us, no deference, no rest (IEEE 802.3, in bits)\n\n{}\n\
          ## Offered load\n\n\
          {} stations, frames at random times (Poisson), the default. Load is in percent of the line's bits. *Delay*\n\
          is from the arrival of a frame to its end on the line, in ms; with more than {QUEUE} frames waiting at a station the\n\
@@ -53,6 +53,7 @@ pub fn page(saturated: &[Table; 2], loaded: &Table) -> String {
         TIME.as_secs(),
         ours.config.slot.as_micros(),
         ours.config.gap.as_micros(),
+        ours.config.deference.as_micros(),
         ours.config.rest.as_micros(),
         saturation(ours),
         ethernet.config.slot.as_micros(),
