@@ -342,7 +342,7 @@ impl Image for BusImage<'_> {
 
     fn happened(&self, place: usize, event: Event) {
         if let (Some(axis), Event::Fault(cause)) = (self.axis(place), event) {
-            log::warn!("axis {axis}: {cause}");
+            log::warn!("axis {} of the settings: {cause}", axis + 1);
         }
     }
 
