@@ -8,8 +8,9 @@ use puente_modules::{Form, master, report, setting};
 
 use super::{DESK, line_settings, millis};
 use crate::axis::pid;
-use crate::bus::framed::Setup;
+use crate::bus::framed::{Room, Setup};
 use crate::desk::BusImage;
+use crate::port::limits;
 use crate::settings::{self, Drive, Payload, Pid, Settings};
 
 /// Reports come at least so often, or the module is silent. A module's own supervision takes as long.
@@ -20,6 +21,8 @@ const LOST: u32 = 3;
 const SECTION: usize = section::OVERHEAD + setting::MAX_DATA;
 const REPORT: usize = section::OVERHEAD + report::DATA;
 const FRAME: usize = puente_framed::frame::TAGGED_OVERHEAD;
+
+static ROOMS: [Room; limits::FRAMED] = [const { Room::new() }; limits::FRAMED];
 
 fn form(pid: &Pid) -> Form {
     match pid.payload {
@@ -77,7 +80,7 @@ pub fn framed(settings: &Settings, index: u8, seed: u64) -> Option<(BusImage<'st
     let bus = settings.buses.get(usize::from(index))?;
     let framed = bus.framed()?;
     let line = line_settings(bus);
-    let mut station = station::Config::new(framed.station, line, crate::port::limits::FRAME);
+    let mut station = station::Config::new(framed.station, line, limits::FRAME);
     station.arbiter = manners(line, framed);
     station.arbiter.echo = match framed.echo {
         settings::Echo::Verify => Echo::Compared,
@@ -85,11 +88,13 @@ pub fn framed(settings: &Settings, index: u8, seed: u64) -> Option<(BusImage<'st
     };
     station.window.window = framed.window;
     let axes = || axes_of(settings, index.into());
+    let before = settings.buses.iter().take(index.into()).filter(|bus| bus.framed().is_some());
     let setup = Setup {
         config: master::Config { station, cycle: millis(framed.cycle_ms.into()) },
         axes: axes().map(|(_, axis, pid)| master::Axis { address: axis.address, form: form(pid) }).collect(),
         // Another on each bus, too.
         seed: seed.wrapping_add(index.into()),
+        room: ROOMS.get(before.count())?,
     };
     Some((BusImage { desk: &DESK, bus: index, axes: axes().map(|(id, ..)| id).collect() }, setup))
 }

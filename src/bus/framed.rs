@@ -7,6 +7,7 @@ use puente_framed::station::PostError;
 use puente_line::{Duration, Instant};
 use puente_modules::Master;
 use puente_modules::master::{Action, Axis, Config};
+use static_cell::StaticCell;
 
 use super::{Image, Post, Taken, Undelivered};
 use crate::clock;
@@ -31,9 +32,14 @@ pub struct Setup {
     pub axes: heapless::Vec<Axis, AXES>,
     /// Differs from that of every other station, and from start to start.
     pub seed: u64,
+    /// Where the master lives. No other pump has it.
+    pub room: &'static Room,
 }
 
 type BusMaster = Master<AXES, PEERS, WINDOW, FRAME>;
+
+/// Room for a master, too big for a stack.
+pub type Room = StaticCell<BusMaster>;
 
 /// What is being sent.
 #[derive(Clone, Copy)]
@@ -48,10 +54,7 @@ enum Sending {
 /// frames of clients. It listens while it talks.
 pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &(impl Image + Post)) -> ! {
     let (mut reader, mut writer) = line.split();
-    let mut config = setup.config;
-    config.station.arbiter.latency = reader.latency();
-    config.station.silence = config.station.arbiter.gap + reader.latency();
-    let mut master = BusMaster::new(config, setup.axes, clock::now(), setup.seed);
+    let master = start(setup, reader.latency());
     let mut sending = Sending::Nothing;
     let mut buffer = [0; 64];
     let mut down = open(&mut writer, image).await;
@@ -60,9 +63,9 @@ pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &(impl Image 
         if reader.carrier() {
             master.carrier(now);
         }
-        sending = act(&mut master, &mut writer, image, now, down, sending);
+        sending = act(master, &mut writer, image, now, down, sending);
         image.outputs(now, |place, output| master.set(place, output));
-        image.outgoing(now, |frame| post(&mut master, now, frame));
+        image.outgoing(now, |frame| post(master, now, frame));
         let sign = now + SIGN;
         let wake = master.poll_at().map_or(sign, |wake| wake.min(sign));
         image.alive(clock::now() + SIGN + LATE);
@@ -80,7 +83,7 @@ pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &(impl Image 
                 now = heard(before, now, wake);
                 for byte in buffer.get(..count).unwrap_or_default() {
                     master.receive(now, *byte);
-                    sending = act(&mut master, &mut writer, image, now, down, sending);
+                    sending = act(master, &mut writer, image, now, down, sending);
                 }
                 None
             }
@@ -112,6 +115,15 @@ pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &(impl Image 
             now = clock::now();
         }
     }
+}
+
+/// A master for a port that may be so late. It is made here, so that the pump does not keep the stack for that.
+#[inline(never)]
+fn start(setup: Setup, latency: Duration) -> &'static mut BusMaster {
+    let Setup { mut config, axes, seed, room } = setup;
+    config.station.arbiter.latency = latency;
+    config.station.silence = config.station.arbiter.gap + latency;
+    room.init_with(|| BusMaster::new(config, axes, clock::now(), seed))
 }
 
 /// When the master hears what has just been read. What is there when the time has come was there before: so the time goes
@@ -314,6 +326,7 @@ mod tests {
             config: Config { station: station::Config::new(1, line, 64), cycle: Duration::from_millis(2) },
             axes: [Axis { address: 17, form: Form::Text }].into_iter().collect(),
             seed: 1,
+            room: Box::leak(Box::new(Room::new())),
         };
         let (opened, sent) = (Cell::new(false), Cell::new(0));
         let mut slow = Slow { open: &opened, sent: &sent };
