@@ -66,7 +66,7 @@ pub fn target() -> &'static Target {
             pipeline: 4,
             room: 20,
             tickets: 24,
-            sheets: 4,
+            sheets: 3,
             places: 18,
             logged_clients: 20,
             frames_before_stop: 4,
