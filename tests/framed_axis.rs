@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::client::{Lines, figure, value};
+use common::client::{Lines, Modbus, figure, value};
 use common::http::insist;
 use common::table::{Connector, Table};
 use common::{Document, Gateway, ms, target, until};
@@ -289,6 +289,15 @@ fn a_line_that_gives_nothing_back_is_used_where_that_is_known() {
     let mut client = rig.client();
     client.ok("axis x enable");
     assert_eq!(rig.state(17), State::Held);
+}
+
+/// One that was put into the queue of a framed bus stayed there for ever: found by the fuzz target of the front.
+#[test]
+fn a_modbus_broadcast_does_not_go_to_a_framed_bus() {
+    let rig = Rig::start(5000, true, "");
+    let mut client = Modbus::connect(rig.gateway.modbus);
+    const PATH_UNAVAILABLE: u8 = 0x0A;
+    assert_eq!(client.write(0, 0x0303, 1), Err(PATH_UNAVAILABLE));
 }
 
 #[test]

@@ -232,9 +232,10 @@ impl Desk {
         self.with(|state| state.buses.iter().position(|bus| bus.spec.units.contains(unit))).map(|i| i as u8)
     }
 
-    /// How many buses there are.
-    pub fn buses(&self) -> u8 {
-        self.with(|state| state.buses.len() as u8)
+    /// The buses that serve any unit: those that a broadcast goes to.
+    pub fn unit_buses(&self) -> Vec<u8, BUSES> {
+        let served = |bus: &Bus| bus.spec.units.iter().next().is_some();
+        self.with(|state| (0..).zip(&state.buses).filter(|(_, bus)| served(bus)).map(|(at, _)| at).collect())
     }
 
     /// What was counted on a bus.

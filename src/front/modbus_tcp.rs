@@ -76,13 +76,13 @@ pub(super) fn route<'g>(
     pdu: &[u8],
     mut take: impl FnMut(Flight<'g>) -> bool,
 ) -> Result<(), Exception> {
-    let buses = match unit {
-        0 => 0..gateway.desk.buses(),
-        _ => match gateway.desk.route(unit) {
-            Some(bus) => bus..bus + 1,
-            None => return Err(Exception::GatewayPathUnavailable),
-        },
+    let buses: Vec<u8, BUSES> = match unit {
+        0 => gateway.desk.unit_buses(),
+        _ => gateway.desk.route(unit).into_iter().collect(),
     };
+    if buses.is_empty() {
+        return Err(Exception::GatewayPathUnavailable);
+    }
     if pdu.len() > MAX_PDU {
         return Err(Exception::IllegalDataValue);
     }
