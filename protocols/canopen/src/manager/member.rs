@@ -8,6 +8,7 @@ use super::types::{Health, Member};
 use crate::boot::Verdict;
 use crate::monitor::{self, Supervision};
 use crate::nmt::{Command, State};
+use crate::sdo::Failure;
 use crate::{Frame, Monitor};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,7 +106,8 @@ impl<'a> Managed<'a> {
     /// It did not answer: whether that is to be told.
     pub fn absent(&mut self, next: Instant) -> bool {
         self.attempt(next, false);
-        if !matches!(self.phase, Phase::Lost) {
+        let known = matches!(self.verdict, Some(Verdict::Failed { failure: Failure::Timeout { .. }, .. }));
+        if !matches!(self.phase, Phase::Lost) && !(known && self.phase == Phase::Refused) {
             self.phase = Phase::Absent;
         }
         let tell = !self.member.optional && !self.told_missing && self.phase == Phase::Absent;

@@ -219,7 +219,11 @@ impl<'a, const NODES: usize, const CHANNELS: usize> Bus<'a, NODES, CHANNELS> {
 
     /// So many milliseconds pass.
     pub fn run(&mut self, millis: u64) {
-        let until = self.now + Duration::from_millis(millis);
+        self.run_micros(1_000 * millis);
+    }
+
+    pub fn run_micros(&mut self, micros: u64) {
+        let until = self.now + Duration::from_micros(micros);
         for _ in 0..2_000_000 {
             self.settle();
             let nodes = self.nodes.iter().filter_map(Node::poll_at);
