@@ -2,6 +2,7 @@
 #![allow(dead_code)]
 
 pub mod channel;
+pub mod objects;
 pub mod server;
 pub mod zencan;
 
