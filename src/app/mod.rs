@@ -133,21 +133,16 @@ fn millis(ms: u32) -> Duration {
     Duration::from_millis(u64::from(ms))
 }
 
-/// The line's baud rate and format.
-fn line_settings(bus: &settings::Bus) -> puente_line::Settings {
-    puente_line::Settings { baud: bus.baud, format: bus.format }
-}
-
 /// What the master of a Modbus bus goes by.
 pub fn modbus(settings: &Settings, bus: &settings::Bus) -> Option<Config> {
     let modbus = bus.modbus()?;
     let mode = mode(bus)?;
     Some(Config {
-        line: line_settings(bus),
+        line: modbus.line,
         mode,
         silence: if mode == Mode::Rtu && drives_edb(settings, bus) {
             // EDB drives want 4 characters of silence between RTU frames, where the standard has 3.5.
-            line_settings(bus).wire_time(4)
+            modbus.line.wire_time(4)
         } else {
             Duration::ZERO
         },
@@ -167,7 +162,7 @@ fn mode(bus: &settings::Bus) -> Option<Mode> {
     match bus.protocol {
         settings::Protocol::ModbusRtu(_) => Some(Mode::Rtu),
         settings::Protocol::ModbusAscii(_) => Some(Mode::Ascii),
-        settings::Protocol::Framed(_) => None,
+        settings::Protocol::Framed(_) | settings::Protocol::Canopen(_) => None,
     }
 }
 
