@@ -40,7 +40,7 @@ pub(super) fn gains(pid: &Pid) -> Gains {
 /// The axes of a bus with their numbers.
 fn axes_of(settings: &Settings, index: usize) -> impl Iterator<Item = (u8, &settings::Axis, &Pid)> {
     let name = settings.buses.get(index).map(|bus| &bus.name);
-    (0..).zip(&settings.axes).filter_map(move |(id, axis)| match &axis.drive {
+    super::axes(settings).filter_map(move |(id, axis)| match &axis.drive {
         Drive::Pid(pid) if Some(&axis.bus) == name => Some((id, axis, pid)),
         _ => None,
     })

@@ -412,7 +412,9 @@ impl Bus {
             }
             if line.format.data_bits == 7 {
                 match self.protocol {
-                    Protocol::ModbusRtu(_) => return Err(problem(("format", "Modbus RTU needs 8 data bits"))),
+                    Protocol::ModbusRtu(_) => {
+                        return Err(problem(("format", "Modbus RTU needs 8 data bits")));
+                    }
                     Protocol::Framed(_) => return Err(problem(("format", "a framed bus needs 8 data bits"))),
                     Protocol::ModbusAscii(_) | Protocol::Canopen(_) => {}
                 }

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::super::check::Range;
+use crate::port::BIT_RATES;
 
 /// What a CANopen bus has.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,13 +52,9 @@ impl Default for Canopen {
     }
 }
 
-/// CiA 301, table 1; CiA 102 has 100 kbit/s no more, but SLCAN and many devices do.
-const BITRATES: [u32; 9] =
-    [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
-
 impl Canopen {
     pub(in crate::settings) fn check(&self) -> Result<(), Range> {
-        if !BITRATES.contains(&self.bitrate) {
+        if !BIT_RATES.contains(&self.bitrate) {
             return Err((
                 "bitrate",
                 "10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000 or 1000000 is allowed",

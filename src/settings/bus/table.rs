@@ -123,11 +123,8 @@ impl Table {
 
     /// The first key that is given and that only other protocols have.
     fn stray(&self) -> Option<&'static str> {
-        let serial = [
-            ("baud", self.baud.is_some()),
-            ("format", self.format.is_some()),
-            ("echo", self.echo.is_some()),
-        ];
+        let serial =
+            [("baud", self.baud.is_some()), ("format", self.format.is_some()), ("echo", self.echo.is_some())];
         let modbus = [
             ("units", self.units.is_some()),
             ("reply_timeout_ms", self.reply_timeout_ms.is_some()),
