@@ -41,27 +41,45 @@ pub enum LineSpec {
 
 /// A port's name that cannot be one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BadPort;
+pub enum BadPort {
+    /// No serial line.
+    Line,
+    /// No CAN port.
+    Can,
+    /// A CAN port that cannot do this bit rate.
+    BitRate,
+}
 
 impl fmt::Display for BadPort {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("expected \"sim\", a serial device such as \"/dev/ttyUSB0\", or \"tcp:HOST:PORT\"")
+        f.write_str(match self {
+            Self::Line => "expected \"sim\", a serial device such as \"/dev/ttyUSB0\", or \"tcp:HOST:PORT\"",
+            Self::Can => {
+                "expected \"sim\", \"slcan:/dev/ttyACM0\", \"slcan:tcp:HOST:PORT\" or \"socketcan:can0\""
+            }
+            Self::BitRate => "an SLCAN adapter has 10, 20, 50, 100, 125, 250, 500, 750, 800 and 1000 kbit/s",
+        })
     }
 }
 
 impl LineSpec {
-    /// Reads the `port` of a bus; `sim` tells what the simulated cell is made of.
-    pub fn parse(port: &str, settings: Settings, sim: impl FnOnce() -> Simulation) -> Result<Self, BadPort> {
+    /// Reads the `port` of a bus; `sim` tells what the simulated cell is made of, where there is one for this bus.
+    pub fn parse(
+        port: &str,
+        settings: Settings,
+        sim: impl FnOnce() -> Option<Simulation>,
+    ) -> Result<Self, BadPort> {
         if port == "sim" {
-            return Ok(Self::Sim(sim()));
+            return sim().map(Self::Sim).ok_or(BadPort::Line);
         }
         if let Some(address) = port.strip_prefix("tcp:") {
-            let valid = address.rsplit_once(':').is_some_and(|(host, port)| {
-                !host.is_empty() && port.parse::<u16>().is_ok_and(|port| port != 0)
-            });
-            return if valid { Ok(Self::Tcp(address.to_owned())) } else { Err(BadPort) };
+            return if is_address(address) { Ok(Self::Tcp(address.to_owned())) } else { Err(BadPort::Line) };
         }
-        if port.starts_with('/') { Ok(Self::Tty { path: port.to_owned(), settings }) } else { Err(BadPort) }
+        if port.starts_with('/') {
+            Ok(Self::Tty { path: port.to_owned(), settings })
+        } else {
+            Err(BadPort::Line)
+        }
     }
 
     fn name(&self) -> &str {
@@ -73,9 +91,16 @@ impl LineSpec {
     }
 }
 
+/// Whether this is `HOST:PORT`.
+pub(super) fn is_address(address: &str) -> bool {
+    address
+        .rsplit_once(':')
+        .is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok_and(|port| port != 0))
+}
+
 /// Whether a bus can have this `port`. Whether there is such a device tells only its use.
 pub fn check_line(port: &str, settings: Settings) -> Result<(), BadPort> {
-    let nothing = || Simulation::Modbus(puente_cell::Config::new(Mode::Ascii, settings, &[]));
+    let nothing = || Some(Simulation::Modbus(puente_cell::Config::new(Mode::Ascii, settings, &[])));
     LineSpec::parse(port, settings, nothing).map(|_| ())
 }
 
