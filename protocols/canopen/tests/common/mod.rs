@@ -3,6 +3,7 @@
 
 pub mod bus;
 pub mod channel;
+pub mod objects;
 pub mod server;
 pub mod zencan;
 
