@@ -106,9 +106,12 @@ impl<'a> Managed<'a> {
     /// It did not answer: whether that is to be told.
     pub fn absent(&mut self, next: Instant) -> bool {
         self.attempt(next, false);
-        let known = matches!(self.verdict, Some(Verdict::Failed { failure: Failure::Timeout { .. }, .. }));
-        if !matches!(self.phase, Phase::Lost) && !(known && self.phase == Phase::Refused) {
-            self.phase = Phase::Absent;
+        let silent = matches!(self.verdict, Some(Verdict::Failed { failure: Failure::Timeout { .. }, .. }));
+        match self.phase {
+            // That it does not answer is known already.
+            Phase::Lost => {}
+            Phase::Refused if silent => {}
+            _ => self.phase = Phase::Absent,
         }
         let tell = !self.member.optional && !self.told_missing && self.phase == Phase::Absent;
         self.told_missing |= tell;
