@@ -11,6 +11,7 @@ use embedded_storage_async::nor_flash::NorFlash;
 use puente_drives::pid::{Encoder, EncoderFault, Width, ssi};
 use puente_line::Settings;
 
+mod can;
 pub mod journal;
 pub mod record;
 
@@ -46,13 +47,14 @@ use g474re as platform;
 #[cfg(all(target_os = "none", feature = "nucleo"))]
 mod stm32;
 
+pub use can::{BIT_RATES, CanCounters, CanEvent, CanPort, CanReader, CanState, CanWriter, NotTaken};
 pub use platform::Line;
 #[cfg(target_os = "none")]
 pub use platform::run;
 #[cfg(all(target_os = "none", feature = "axis-module"))]
 pub use platform::{Axis, AxisBoard, Lamp, Tick};
 #[cfg(network)]
-pub use platform::{BadPort, Flash, check_line, temperature};
+pub use platform::{BadPort, Can, Flash, check_can, check_line, temperature};
 #[cfg(all(target_os = "none", network))]
 pub use platform::{Board, Leds, Watchdog};
 

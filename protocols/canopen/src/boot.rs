@@ -39,6 +39,17 @@ pub struct Plan<'a> {
     pub starts: bool,
 }
 
+impl Plan<'_> {
+    /// Nothing is asked of the node, and nothing told.
+    pub const NOTHING: Self = Self {
+        device_type: None,
+        identity: Known { vendor: None, product: None, revision: None, serial: None },
+        configuration: List::EMPTY,
+        signs: Signs::Unchanged,
+        starts: false,
+    };
+}
+
 /// What is to be done next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step<'a> {

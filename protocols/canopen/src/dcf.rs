@@ -53,6 +53,9 @@ pub struct List<'a> {
 }
 
 impl<'a> List<'a> {
+    /// The list without entries.
+    pub const EMPTY: Self = Self { entries: &[] };
+
     /// The list that `bytes` are: the number of entries, 32 bits; of each its index, sub-index, length in 32 bits, and data.
     ///
     /// # Errors

@@ -8,6 +8,7 @@
 //! - [`heartbeat`], [`sync`], [`time`]: what a manager produces itself. [`emcy`]: what nodes report.
 //! - [`boot`]: a node that has booted is judged, configured and started. [`dcf`]: with what.
 //! - [`lss`]: node-IDs and bit rates given over the bus.
+//! - [`manager`]: all of it together.
 //!
 //! Sources: CiA 301 version 4.2.0, whose clauses are meant where only a number stands, and CiA 305 for layer setting
 //! services; the words are theirs.
@@ -23,6 +24,7 @@ pub mod emcy;
 pub mod frame;
 pub mod heartbeat;
 pub mod lss;
+pub mod manager;
 pub mod monitor;
 pub mod nmt;
 pub mod object;
@@ -33,5 +35,6 @@ pub mod time;
 
 pub use cob::NodeId;
 pub use frame::{Frame, Id};
+pub use manager::Manager;
 pub use monitor::Monitor;
 pub use object::Address;

@@ -135,6 +135,20 @@ impl Monitor {
         self.phase == Phase::Lost
     }
 
+    /// From now on the node is watched like this, and its next sign is due in time. Guarding asks at once.
+    pub fn watch(&mut self, now: Instant, supervision: Supervision) {
+        let mut monitor = Self::new(self.node, supervision, now);
+        monitor.phase = Phase::Alive { until: monitor.patience(now) };
+        monitor.state = self.state();
+        monitor.events = core::mem::take(&mut self.events);
+        *self = monitor;
+    }
+
+    /// Whether it is guarded.
+    pub const fn is_guarding(&self) -> bool {
+        matches!(self.supervision, Supervision::Guarding { .. })
+    }
+
     /// Takes a frame of the bus.
     pub fn receive(&mut self, now: Instant, frame: &Frame) {
         let Some(sign) = Sign::parse(frame).filter(|sign| sign.node == self.node) else {
@@ -173,14 +187,21 @@ impl Monitor {
 
     /// What to do now.
     pub fn poll(&mut self, now: Instant) -> Action {
+        match self.event(now) {
+            Some(event) => Action::Event(event),
+            None => self.request(now).map_or(Action::Idle, Action::Transmit),
+        }
+    }
+
+    /// The next event alone: see [`Monitor::poll`].
+    pub fn event(&mut self, now: Instant) -> Option<Event> {
         self.elapse(now);
-        if let Some(event) = self.events.pop_front() {
-            return Action::Event(event);
-        }
-        match self.requests.take(now) {
-            Some(_) => Action::Transmit(Sign::request(self.node)),
-            None => Action::Idle,
-        }
+        self.events.pop_front()
+    }
+
+    /// The question of guarding that is due.
+    pub fn request(&mut self, now: Instant) -> Option<Frame> {
+        self.requests.take(now).map(|_| Sign::request(self.node))
     }
 
     /// When to poll again, besides after `receive`.

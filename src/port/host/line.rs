@@ -41,11 +41,24 @@ pub enum LineSpec {
 
 /// A port's name that cannot be one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BadPort;
+pub enum BadPort {
+    /// No serial line.
+    Line,
+    /// No CAN port.
+    Can,
+    /// A CAN port that cannot do this bit rate.
+    BitRate,
+}
 
 impl fmt::Display for BadPort {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("expected \"sim\", a serial device such as \"/dev/ttyUSB0\", or \"tcp:HOST:PORT\"")
+        f.write_str(match self {
+            Self::Line => "expected \"sim\", a serial device such as \"/dev/ttyUSB0\", or \"tcp:HOST:PORT\"",
+            Self::Can => {
+                "expected \"sim\", \"slcan:/dev/ttyACM0\", \"slcan:tcp:HOST:PORT\" or \"socketcan:can0\""
+            }
+            Self::BitRate => "an SLCAN adapter has 10, 20, 50, 100, 125, 250, 500, 750, 800 and 1000 kbit/s",
+        })
     }
 }
 
@@ -56,12 +69,13 @@ impl LineSpec {
             return Ok(Self::Sim(sim()));
         }
         if let Some(address) = port.strip_prefix("tcp:") {
-            let valid = address.rsplit_once(':').is_some_and(|(host, port)| {
-                !host.is_empty() && port.parse::<u16>().is_ok_and(|port| port != 0)
-            });
-            return if valid { Ok(Self::Tcp(address.to_owned())) } else { Err(BadPort) };
+            return if is_address(address) { Ok(Self::Tcp(address.to_owned())) } else { Err(BadPort::Line) };
         }
-        if port.starts_with('/') { Ok(Self::Tty { path: port.to_owned(), settings }) } else { Err(BadPort) }
+        if port.starts_with('/') {
+            Ok(Self::Tty { path: port.to_owned(), settings })
+        } else {
+            Err(BadPort::Line)
+        }
     }
 
     fn name(&self) -> &str {
@@ -71,6 +85,13 @@ impl LineSpec {
             LineSpec::Tcp(address) => address,
         }
     }
+}
+
+/// Whether this is `HOST:PORT`.
+pub(super) fn is_address(address: &str) -> bool {
+    address
+        .rsplit_once(':')
+        .is_some_and(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok_and(|port| port != 0))
 }
 
 /// Whether a bus can have this `port`. Whether there is such a device tells only its use.

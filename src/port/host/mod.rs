@@ -1,5 +1,6 @@
 //! The host port: OS sockets, serial devices, raw TCP lines, and the simulated cell in process.
 
+mod can;
 pub mod defaults;
 mod flash;
 pub mod limits;
@@ -19,6 +20,7 @@ pub fn random() -> u64 {
     RandomState::new().build_hasher().finish()
 }
 
+pub use can::{Can, CanSpec, check_can};
 pub use flash::Flash;
 pub use line::{BadPort, Line, LineSpec, check_line};
 pub use log::start_log;

@@ -12,19 +12,30 @@ pub struct Lines {
     b: Option<&'static Uart>,
 }
 
-/// A bus' `port` that this board cannot give it: there is no such line, or another bus has it.
+/// A bus' `port` that this board cannot give it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BadPort;
+pub enum BadPort {
+    /// There is no such line, or another bus has it.
+    Line,
+    /// There is no such CAN bus, or another bus has it.
+    Can,
+    /// No bit rate of CAN.
+    BitRate,
+}
 
 impl fmt::Display for BadPort {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("expected \"rs485-a\" or \"rs485-b\", each for one bus")
+        f.write_str(match self {
+            Self::Line => "expected \"rs485-a\" or \"rs485-b\", each for one bus",
+            Self::Can => "expected \"can-1\" or \"can-2\", each for one bus",
+            Self::BitRate => "expected 10, 20, 50, 100, 125, 250, 500, 800 or 1000 kbit/s",
+        })
     }
 }
 
 /// Whether a bus can have this `port`. The lines take any baud rate and format.
 pub fn check_line(port: &str, _: Settings) -> Result<(), BadPort> {
-    if matches!(port, "rs485-a" | "rs485-b") { Ok(()) } else { Err(BadPort) }
+    if matches!(port, "rs485-a" | "rs485-b") { Ok(()) } else { Err(BadPort::Line) }
 }
 
 impl Lines {
@@ -40,6 +51,6 @@ impl Lines {
             "rs485-b" => self.b.take(),
             _ => None,
         };
-        uart.map(|uart| Line::new(uart, settings)).ok_or(BadPort)
+        uart.map(|uart| Line::new(uart, settings)).ok_or(BadPort::Line)
     }
 }

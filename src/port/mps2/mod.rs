@@ -6,6 +6,7 @@
 mod axis;
 #[cfg(feature = "axis-module")]
 mod axis_board;
+mod can;
 mod clock;
 mod executor;
 mod flash;
@@ -32,6 +33,7 @@ use embassy_net::Runner;
 pub use axis::Axis;
 #[cfg(feature = "axis-module")]
 pub use axis_board::{AxisBoard, Lamp};
+pub use can::{Can, Cans, check_can};
 pub use executor::run;
 pub use flash::Flash;
 pub use leds::Leds;
@@ -54,6 +56,8 @@ pub struct Board {
     pub buses: SendSpawner,
     /// The serial lines.
     pub lines: Lines,
+    /// The CAN buses.
+    pub cans: Cans,
     /// Its LEDs.
     pub leds: Leds,
     /// The board's MAC address.
@@ -88,6 +92,7 @@ impl Board {
         Self {
             buses: executor::start(),
             lines: Lines::new(),
+            cans: Cans::new(),
             leds: Leds,
             mac,
             moving,

@@ -20,6 +20,10 @@ pub enum BadPort {
     Unknown,
     /// The line cannot do this baud rate or format.
     Settings,
+    /// There is no such CAN bus, or another bus has it.
+    Can,
+    /// The CAN controller cannot do this bit rate exactly.
+    BitRate,
 }
 
 impl fmt::Display for BadPort {
@@ -27,6 +31,8 @@ impl fmt::Display for BadPort {
         f.write_str(match self {
             BadPort::Unknown => "expected \"rs485-a\" or \"rs485-b\", each for one bus",
             BadPort::Settings => "the USART cannot do this baud rate or format",
+            BadPort::Can => "expected \"can-1\" or \"can-2\", each for one bus",
+            BadPort::BitRate => "expected 10, 20, 50, 100, 125, 250, 500, 800 or 1000 kbit/s",
         })
     }
 }

@@ -31,6 +31,7 @@ use embassy_stm32::peripherals::PC13;
 use embassy_stm32::rng::Rng;
 use embassy_stm32::{Peri, uid};
 
+pub use can::{Can, Cans, check_can};
 pub use flash::Flash;
 pub use leds::Leds;
 pub use lines::{BadPort, Lines, check_line};
@@ -49,6 +50,8 @@ pub struct Board {
     pub buses: SendSpawner,
     /// The RS-485 lines.
     pub lines: Lines,
+    /// The CAN buses.
+    pub cans: Cans,
     /// Its LEDs.
     pub leds: Leds,
     /// The board's MAC address.
@@ -102,13 +105,14 @@ impl Board {
         };
         let temperature = temperature::watch(own.adc);
         spawner.spawn(temperature.expect("the temperature is watched once"));
-        can::reserve(p.PD0, p.PD1, p.PB12, p.PB6);
+        let cans = Cans::new(p.PD0, p.PD1, p.PB12, p.PB6);
         Self {
             buses: executor::start(),
             lines: Lines {
                 a: Some(line::a::Parts { usart: p.USART2, tx: p.PD5, rx: p.PD6, de: p.PD4 }),
                 b: Some(line::b::Parts { usart: p.UART7, tx: p.PE8, rx: p.PE7, de: p.PE9 }),
             },
+            cans,
             leds: Leds::new(p.PB0, own.ld2, p.PB14),
             mac,
             moving,

@@ -16,7 +16,7 @@
 //! assert_eq!(cell.poll(Instant::from_millis(100)).unwrap(), b":01030201A455\r\n".as_slice());
 //! ```
 //!
-//! [`table`] is another cell: the coordinate table, whose axes have PID interface modules.
+//! [`can`] has CANopen nodes on a CAN bus. [`table`] is another cell: the coordinate table, whose axes have PID interface modules.
 //!
 //! Left out: ESTUN drives answer the first two communication faults in a row with an error frame and drop the third
 //! silently; the cell drops every frame whose check does not match. The two directions do not collide: a reply that
@@ -25,6 +25,7 @@
 #![deny(missing_docs)]
 
 mod answer;
+pub mod can;
 mod cell;
 mod drive;
 mod fault;

@@ -179,6 +179,13 @@ impl Master {
         Ok(())
     }
 
+    /// The command in work, if there is one, ends as if nobody had answered.
+    pub const fn abandon(&mut self) {
+        if let State::Ready(_) | State::Waiting { .. } = self.state {
+            self.state = State::Finished(Err(Failure::Timeout));
+        }
+    }
+
     /// Takes a frame of the bus.
     pub fn receive(&mut self, now: Instant, frame: &Frame) {
         self.elapse(now);
@@ -216,16 +223,24 @@ impl Master {
         self.state = State::Finished(end);
     }
 
+    /// The outcome alone: see [`Master::poll`].
+    pub fn outcome(&mut self, now: Instant) -> Option<Result<Outcome, Failure>> {
+        self.elapse(now);
+        let State::Finished(end) = self.state else {
+            return None;
+        };
+        self.state = State::Idle;
+        Some(end)
+    }
+
     /// What to do now.
     pub fn poll(&mut self, now: Instant) -> Action {
-        self.elapse(now);
+        if let Some(end) = self.outcome(now) {
+            return Action::Done(end);
+        }
         match self.state {
             State::Ready(work) => Action::Transmit(self.send(now, work).frame()),
-            State::Finished(end) => {
-                self.state = State::Idle;
-                Action::Done(end)
-            }
-            State::Idle | State::Waiting { .. } => Action::Idle,
+            State::Idle | State::Waiting { .. } | State::Finished(_) => Action::Idle,
         }
     }
 

@@ -43,6 +43,8 @@ pub struct Client {
     /// When the response that is waited for is overdue.
     deadline: Instant,
     retries: u8,
+    /// Nothing is sent that brings data.
+    paused: bool,
     heard: Option<u8>,
     /// Told to the server before anything else.
     abort: Option<(Address, Abort)>,
@@ -88,6 +90,7 @@ impl Client {
             work: Work::Upload(Upload::new(false)),
             deadline: Instant::ZERO,
             retries: 0,
+            paused: false,
             heard: None,
             abort: None,
             portion: Vec::new(),
@@ -110,6 +113,18 @@ impl Client {
         self.config = config;
     }
 
+    /// Asks the first SDO server of another node from now on, without any debt of the last one. Not while it is busy.
+    pub fn serve(&mut self, node: NodeId) {
+        if self.is_busy() {
+            return;
+        }
+        self.request = node.sdo_request();
+        self.response = node.sdo_response();
+        self.abort = None;
+        self.quiet_until = Instant::ZERO;
+        self.owes_one = false;
+    }
+
     /// Takes a transfer.
     ///
     /// # Errors
@@ -124,6 +139,7 @@ impl Client {
             Transfer::Download { size, block, .. } => Work::Download(Download::new(size, block)),
         };
         self.retries = 0;
+        self.paused = false;
         self.heard = None;
         self.portion.clear();
         self.state = State::Queued;
@@ -144,15 +160,36 @@ impl Client {
         }
     }
 
+    /// Whether a read waits before each segment, or each block: its caller has no room for it, which is as long as
+    /// [`Config::block`] says and a segment more. A block under way is not held up. Ends with the transfer.
+    ///
+    /// The time that a server waits is its own matter.
+    pub const fn pause(&mut self, paused: bool) {
+        self.paused = paused;
+    }
+
     /// Gives the transfer up; the server is told where it knows of it.
     pub fn cancel(&mut self, now: Instant) {
-        match self.state {
-            State::Idle | State::Finished(_) => {}
-            State::Queued => self.state = State::Finished(Err(Failure::NotSent)),
-            State::Ready | State::Waiting | State::Settling { .. } => {
-                self.give_up(now, Failure::Cancelled);
+        self.end(now, Failure::Cancelled);
+    }
+
+    /// Ends the transfer like this, as [`Client::cancel`] does.
+    pub fn end(&mut self, now: Instant, failure: Failure) {
+        match (self.state, failure) {
+            (State::Idle | State::Finished(_), _) => {}
+            (State::Queued, Failure::Cancelled) => self.state = State::Finished(Err(Failure::NotSent)),
+            (State::Queued | State::Ready | State::Waiting | State::Settling { .. }, _) => {
+                self.give_up(now, failure);
             }
         }
+    }
+
+    /// The server has booted: it owes nothing any more, and what was in work has failed.
+    pub fn booted(&mut self, now: Instant) {
+        self.end(now, Failure::Booted);
+        self.abort = None;
+        self.quiet_until = now;
+        self.owes_one = false;
     }
 
     /// Takes a frame of the bus.
@@ -190,14 +227,27 @@ impl Client {
         self.follow(now, step, data);
     }
 
+    /// What the transfer has brought: [`Action::Data`] or [`Action::Done`]. For a caller that can send nothing now.
+    pub fn brought(&mut self, now: Instant) -> Option<Action> {
+        self.elapse(now);
+        if !self.portion.is_empty() {
+            return Some(Action::Data(core::mem::take(&mut self.portion)));
+        }
+        let State::Finished(end) = self.state else {
+            return None;
+        };
+        self.state = State::Idle;
+        Some(Action::Done(end))
+    }
+
     /// What to do now.
     pub fn poll(&mut self, now: Instant) -> Action {
         self.elapse(now);
         if let Some((address, code)) = self.abort.take() {
             return Action::Transmit(self.frame(Request::Abort { address, code }.to_bytes()));
         }
-        if !self.portion.is_empty() {
-            return Action::Data(core::mem::take(&mut self.portion));
+        if let Some(brought) = self.brought(now) {
+            return brought;
         }
         match self.state {
             State::Queued if now >= self.quiet_until => {
@@ -207,11 +257,7 @@ impl Client {
                 }
                 action
             }
-            State::Ready => self.send(now),
-            State::Finished(end) => {
-                self.state = State::Idle;
-                Action::Done(end)
-            }
+            State::Ready if !self.is_held() => self.send(now),
             _ => Action::Idle,
         }
     }
@@ -224,15 +270,25 @@ impl Client {
         match self.state {
             State::Idle => None,
             State::Queued => Some(self.quiet_until),
+            State::Ready if self.is_held() => None,
             State::Ready | State::Finished(_) => Some(Instant::ZERO),
             State::Waiting => Some(self.deadline),
             State::Settling { until } => Some(until),
         }
     }
 
+    /// Until when it asks for nothing else; `None` while a transfer is in work or the server is to be told of its end.
+    pub fn quiet_until(&self) -> Option<Instant> {
+        (!self.is_busy() && self.abort.is_none()).then_some(self.quiet_until)
+    }
+
     /// What has happened since start-up.
     pub const fn counters(&self) -> Counters {
         self.counters
+    }
+
+    const fn is_held(&self) -> bool {
+        self.paused && self.work.brings_data()
     }
 
     fn frame(&self, bytes: [u8; 8]) -> Frame {

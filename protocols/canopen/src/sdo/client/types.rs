@@ -162,6 +162,10 @@ pub enum Failure {
     },
     /// The caller did not supply the bytes that were to be written.
     Supply,
+    /// The node has booted meanwhile, and knows nothing of it any more.
+    Booted,
+    /// The bus is off.
+    BusOff,
     /// The caller gave it up.
     Cancelled,
     /// The caller gave it up before anything was sent.
@@ -179,6 +183,7 @@ impl Failure {
             Self::Sequence { .. } | Self::Position | Self::Stuck => Abort::SEQUENCE,
             Self::Crc { .. } => Abort::CRC,
             Self::Size { .. } => Abort::LENGTH,
+            Self::Booted | Self::BusOff => Abort::TRANSFER,
             Self::Supply | Self::Cancelled | Self::NotSent => Abort::LOCAL_CONTROL,
         }
     }
@@ -206,6 +211,8 @@ impl fmt::Display for Failure {
                 write!(f, "{received} bytes came instead of {expected}")
             }
             Self::Supply => f.write_str("the data to write ended early"),
+            Self::Booted => f.write_str("the node booted meanwhile"),
+            Self::BusOff => f.write_str("the bus is off"),
             Self::Cancelled => f.write_str("given up"),
             Self::NotSent => f.write_str("given up before it was sent"),
         }
@@ -231,4 +238,21 @@ pub struct Counters {
     pub late: u32,
     /// Messages of the server that were not those due, or malformed.
     pub unpaired: u32,
+}
+
+impl core::ops::AddAssign for Counters {
+    fn add_assign(&mut self, other: Self) {
+        let Self { transfers, completed, aborted, timeouts, repeated, late, unpaired } = other;
+        for (sum, count) in [
+            (&mut self.transfers, transfers),
+            (&mut self.completed, completed),
+            (&mut self.aborted, aborted),
+            (&mut self.timeouts, timeouts),
+            (&mut self.repeated, repeated),
+            (&mut self.late, late),
+            (&mut self.unpaired, unpaired),
+        ] {
+            *sum = sum.wrapping_add(count);
+        }
+    }
 }

@@ -77,6 +77,11 @@ impl Upload {
         matches!(self.phase, Phase::Start | Phase::Acknowledge { last: false, .. })
     }
 
+    /// Whether what is sent next brings data, other than the few that a response may have.
+    pub const fn brings_data(&self) -> bool {
+        matches!(self.phase, Phase::Segment { .. } | Phase::Start | Phase::Acknowledge { .. })
+    }
+
     pub fn outcome(&self) -> Result<Outcome, Failure> {
         Ok(Outcome::Read { size: self.received, checked: self.size.is_some() || self.checks })
     }

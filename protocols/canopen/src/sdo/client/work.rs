@@ -59,6 +59,14 @@ impl Work {
         }
     }
 
+    /// Whether what is sent next brings data.
+    pub const fn brings_data(&self) -> bool {
+        match self {
+            Self::Upload(upload) => upload.brings_data(),
+            Self::Download(_) => false,
+        }
+    }
+
     /// The server aborted it.
     pub const fn aborted(&self, code: Abort, heard: Option<u8>) -> Failure {
         match self {

@@ -1,0 +1,407 @@
+//! A CANopen manager: everything that one node does to run a bus, put together.
+//!
+//! SYNC, TIME and its own heartbeat; NMT master; nodes watched by heartbeat or guarding; configured nodes ([`Member`]) judged,
+//! configured and started whenever they boot, come back or are tried again; emergencies; SDO transfers with any node; LSS.
+//!
+//! Frames to be sent are asked for one at a time, so that a full port loses none. Their order: SYNC, NMT commands, the
+//! manager's own boot-up, heartbeat and TIME, questions of guarding, LSS, SDO. Members and SDO channels take turns.
+//!
+//! A node that is lost, refuses or babbles costs the others nothing but its frames on the bus. When the bus is off
+//! ([`Manager::bus`]), transfers fail at once, NMT commands that wait are dropped, SYNCs are left out and counted; nodes are lost
+//! when their time is over. When it is back, those that show themselves in the state they were led to are what they were;
+//! others are booted anew.
+
+mod babble;
+mod channel;
+mod channels;
+mod member;
+mod receive;
+mod table;
+mod transfers;
+mod types;
+
+use heapless::{Deque, Vec};
+use puente_line::{Instant, micros};
+
+use crate::emcy::Emergency;
+use crate::nmt::{Command, State};
+use crate::time::{self, TimeOfDay};
+use crate::{Frame, NodeId, boot::Verdict, cob, heartbeat, lss, sdo, sync};
+use babble::Babble;
+use channel::Said;
+use channels::Channels;
+use member::Managed;
+pub use table::EMERGENCIES;
+use table::Table;
+pub use types::{Action, BusEvent, Config, Counters, Event, Evidence, Health, Member, Sdo, Status, Unsent};
+
+/// NMT commands that may wait.
+const COMMANDS: usize = 16;
+/// Events that may wait, besides those that each member's monitor keeps.
+const EVENTS: usize = 8;
+
+/// A manager of `NODES` members at most, with `CHANNELS` SDO clients that are lent to nodes 1 to 127. Emergencies are kept of
+/// the members and of as many other nodes as there is room for.
+#[derive(Clone, Debug)]
+pub struct Manager<'a, const NODES: usize, const CHANNELS: usize> {
+    config: Config,
+    running: bool,
+    /// The bus is there.
+    up: bool,
+    sync: sync::Producer,
+    heartbeat: heartbeat::Producer,
+    time: time::Producer,
+    /// When it was how late.
+    clock: Option<(Instant, TimeOfDay)>,
+    commands: Deque<(Command, Option<NodeId>), COMMANDS>,
+    members: Vec<Managed<'a>, NODES>,
+    /// Which member is asked first.
+    turn: usize,
+    channels: Channels<'a, CHANNELS>,
+    lss: lss::Master,
+    table: Table<NODES>,
+    babble: Babble,
+    events: Deque<(NodeId, Event), EVENTS>,
+    bus_events: Deque<BusEvent, 4>,
+    counters: Counters,
+}
+
+impl<'a, const NODES: usize, const CHANNELS: usize> Manager<'a, NODES, CHANNELS> {
+    /// One that does nothing yet. Of members with the same node-ID the first counts; the manager's own is nobody's.
+    pub fn new(config: Config, members: impl IntoIterator<Item = Member<'a>>, now: Instant) -> Self {
+        let mut manager = Self {
+            config,
+            running: false,
+            up: true,
+            sync: sync::Producer::new(cob::SYNC, config.sync, config.overflow),
+            heartbeat: heartbeat::Producer::new(config.node, config.heartbeat),
+            time: time::Producer::new(cob::TIME, config.time),
+            clock: None,
+            commands: Deque::new(),
+            members: Vec::new(),
+            turn: 0,
+            channels: Channels::new(),
+            lss: lss::Master::new(config.lss),
+            table: Table::new(),
+            babble: Babble::new(config.babble),
+            events: Deque::new(),
+            bus_events: Deque::new(),
+            counters: Counters::default(),
+        };
+        for member in members {
+            if member.id != config.node && manager.member(member.id).is_none() {
+                let _ = manager.members.push(Managed::new(member, now));
+                manager.table.keep(member.id);
+            }
+        }
+        manager
+    }
+
+    /// Begins: says its own boot-up, produces what it produces, asks for the members. The first SYNC is due now.
+    pub fn start(&mut self, now: Instant) {
+        if self.running {
+            return;
+        }
+        self.running = true;
+        self.heartbeat.set_state(State::Operational);
+        self.sync.start(now);
+        self.time.start(now);
+        for managed in &mut self.members {
+            if managed.member.reset {
+                managed.attempt(now + self.config.retry, false);
+                let _ = self.commands.push_back((Command::ResetCommunication, Some(managed.member.id)));
+            } else {
+                managed.attempt(now, false);
+            }
+        }
+    }
+
+    /// It is `time` now, for TIME.
+    pub const fn set_time(&mut self, now: Instant, time: TimeOfDay) {
+        self.clock = Some((now, time));
+    }
+
+    /// Commands this to a node, or with `None` to all.
+    ///
+    /// # Errors
+    /// Any [`Unsent`].
+    pub fn command(&mut self, _now: Instant, command: Command, node: Option<NodeId>) -> Result<(), Unsent> {
+        if !self.up {
+            return Err(Unsent::Off);
+        }
+        self.commands.push_back((command, node)).map_err(|_| Unsent::Full)
+    }
+
+    /// Whether the bus is there; false while its controller is off the bus, or the port is not there.
+    pub fn bus(&mut self, now: Instant, up: bool) {
+        if up == self.up {
+            return;
+        }
+        self.up = up;
+        if self.bus_events.is_full() {
+            let _ = self.bus_events.pop_front();
+        }
+        let _ = self.bus_events.push_back(if up { BusEvent::On } else { BusEvent::Off });
+        if up {
+            return;
+        }
+        self.counters.bus_offs = self.counters.bus_offs.wrapping_add(1);
+        self.commands.clear();
+        self.lss.abandon();
+        for channel in self.channels.iter_mut() {
+            if channel.boots()
+                && let Some(managed) =
+                    self.members.iter_mut().find(|managed| Some(managed.member.id) == channel.node())
+            {
+                managed.interrupted(now);
+            }
+            channel.lose(now);
+        }
+    }
+
+    /// What is known of a node.
+    pub fn status(&self, node: NodeId) -> Status {
+        let managed = self.member(node);
+        Status {
+            state: match managed {
+                Some(managed) => managed.monitor.state(),
+                None => self.table.state(node),
+            },
+            health: managed.map_or(Health::Unmanaged, Managed::health),
+            heard: self.table.heard(node),
+            emergency: self.table.history(node).and_then(|history| history.pending()),
+            duplicate: self.table.is_duplicate(node),
+        }
+    }
+
+    /// The members, and all nodes that were ever heard.
+    pub fn nodes(&self) -> impl Iterator<Item = (NodeId, Status)> {
+        NodeId::all()
+            .filter(|node| self.member(*node).is_some() || self.table.heard(*node).is_some())
+            .map(|node| (node, self.status(node)))
+    }
+
+    /// The last emergencies of a node, the newest last; resets of errors are among them.
+    pub fn emergencies(&self, node: NodeId) -> impl Iterator<Item = (Instant, Emergency)> {
+        self.table.history(node).into_iter().flat_map(|history| history.entries().copied())
+    }
+
+    /// Members that are not optional, and not booted.
+    pub fn missing(&self) -> impl Iterator<Item = NodeId> {
+        let missing = self.members.iter().filter(|managed| !managed.member.optional && !managed.is_booted());
+        missing.map(|managed| managed.member.id)
+    }
+
+    /// What has happened.
+    pub fn counters(&self) -> Counters {
+        let mut sdo = sdo::Counters::default();
+        for channel in self.channels.iter() {
+            sdo += channel.counters();
+        }
+        Counters { sdo, sync_missed: self.sync.missed(), ..self.counters }
+    }
+
+    /// What to do now. A frame is to be sent, and before all that follow it.
+    pub fn poll(&mut self, now: Instant) -> Action {
+        if !self.running {
+            return Action::Idle;
+        }
+        self.elapse(now);
+        if self.up
+            && let Some(frame) = self.sync.poll(now)
+        {
+            return Action::Transmit(frame);
+        }
+        if let Some(action) = self.told(now) {
+            return action;
+        }
+        if self.up { self.transmit(now).unwrap_or(Action::Idle) } else { Action::Idle }
+    }
+
+    /// What there is besides frames to be sent and bytes that are lacking for them: for a caller whose port takes nothing now.
+    /// Not to ask costs blocks that are sent again, and events that are not told.
+    pub fn report(&mut self, now: Instant) -> Option<Action> {
+        if !self.running {
+            return None;
+        }
+        self.elapse(now);
+        self.told(now)
+    }
+
+    /// When to poll again, besides after any other call.
+    pub fn poll_at(&self) -> Option<Instant> {
+        if !self.running {
+            return None;
+        }
+        if !self.events.is_empty() || !self.bus_events.is_empty() {
+            return Some(Instant::ZERO);
+        }
+        let sent = [
+            (!self.commands.is_empty()).then_some(Instant::ZERO),
+            self.sync.poll_at(),
+            self.heartbeat.poll_at(),
+            self.time.poll_at(),
+        ];
+        let channels = self.channels.iter().filter_map(|channel| channel.poll_at());
+        let sent = sent.into_iter().flatten().chain(channels).filter(|_| self.up);
+        let members = self.members.iter().filter_map(|managed| managed.poll_at(self.up));
+        sent.chain(members).chain(self.lss.poll_at()).chain(self.babble.poll_at()).min()
+    }
+
+    fn member(&self, node: NodeId) -> Option<&Managed<'a>> {
+        self.members.iter().find(|managed| managed.member.id == node)
+    }
+
+    fn member_mut(&mut self, node: NodeId) -> Option<&mut Managed<'a>> {
+        self.members.iter_mut().find(|managed| managed.member.id == node)
+    }
+
+    /// What the time has brought about.
+    fn elapse(&mut self, now: Instant) {
+        self.babble.elapse(now);
+        self.channels.release(now);
+        self.listen(now);
+        if self.up {
+            self.boot(now);
+        } else {
+            // What cannot be sent is not sent later.
+            for managed in &mut self.members {
+                let _ = managed.monitor.request(now);
+            }
+        }
+    }
+
+    /// Begins with the members that are due, in turn.
+    fn boot(&mut self, now: Instant) {
+        let count = self.members.len();
+        for offset in 0..count {
+            let at = (self.turn + offset) % count;
+            let Some(managed) = self.members.get_mut(at).filter(|managed| managed.is_due(now)) else {
+                continue;
+            };
+            let Some(channel) = self.channels.lend(now, managed.member.id, true, true) else {
+                managed.wait();
+                continue;
+            };
+            if managed.try_now() {
+                channel.boot(managed.member.plan, self.config.sdo);
+            } else {
+                channel.probe(managed.member.plan, self.config.sdo);
+            }
+            self.turn = (at + 1) % count;
+        }
+    }
+
+    /// What there is to tell.
+    fn told(&mut self, now: Instant) -> Option<Action> {
+        if let Some(event) = self.bus_events.pop_front().or_else(|| self.babble.event()) {
+            return Some(Action::Bus(event));
+        }
+        if let Some((node, event)) = self.events.pop_front() {
+            return Some(Action::Node(node, event));
+        }
+        if let Some(end) = self.lss.outcome(now) {
+            return Some(Action::Lss(end));
+        }
+        // Each round ends a step of a boot.
+        while let Some((node, said)) = self.channels.brought(now, !self.commands.is_full()) {
+            if let Some(action) = self.said(now, node, said) {
+                return Some(action);
+            }
+        }
+        None
+    }
+
+    /// The next frame.
+    fn transmit(&mut self, now: Instant) -> Option<Action> {
+        if let Some((command, node)) = self.commands.pop_front() {
+            self.commanded(now, command, node);
+            return Some(Action::Transmit(command.frame(node)));
+        }
+        let time = self.clock.and_then(|(at, time)| {
+            TimeOfDay::from_unix_millis(time.to_unix_millis().saturating_add(micros(now.since(at)) / 1_000))
+        });
+        let own = self.heartbeat.poll(now).or_else(|| self.time.poll(now, time));
+        if let Some(frame) = own.or_else(|| self.guard(now)) {
+            return Some(Action::Transmit(frame));
+        }
+        if let lss::Action::Transmit(frame) = self.lss.poll(now) {
+            return Some(Action::Transmit(frame));
+        }
+        let (node, said) = self.channels.poll(now)?;
+        self.said(now, node, said)
+    }
+
+    /// The next question of guarding.
+    fn guard(&mut self, now: Instant) -> Option<Frame> {
+        let count = self.members.len();
+        for offset in 0..count {
+            let at = (self.turn + offset) % count;
+            if let Some(managed) = self.members.get_mut(at)
+                && let Some(frame) = managed.monitor.request(now)
+            {
+                self.table.guard(managed.member.id);
+                return Some(frame);
+            }
+        }
+        None
+    }
+
+    /// What a channel has said.
+    fn said(&mut self, now: Instant, node: NodeId, said: Said) -> Option<Action> {
+        let next = now + self.config.retry;
+        let event = match said {
+            Said::Frame(frame) => return Some(Action::Transmit(frame)),
+            Said::Sdo(sdo) => {
+                if let Sdo::Done(end) = &sdo {
+                    self.table.transferred(node, owes(*end));
+                }
+                return Some(Action::Sdo(node, sdo));
+            }
+            Said::Command(command) => {
+                let _ = self.commands.push_back((command, Some(node)));
+                return None;
+            }
+            Said::Present => {
+                let managed = self.member_mut(node)?;
+                // It came back while it was asked.
+                if managed.is_booted() {
+                    self.channels.of(node)?.leave(now);
+                } else {
+                    managed.present();
+                }
+                return None;
+            }
+            Said::Booted => {
+                self.table.transferred(node, false);
+                self.counters.booted = self.counters.booted.wrapping_add(1);
+                self.member_mut(node)?.booted(now);
+                Event::Booted
+            }
+            Said::NotBooted(verdict) => {
+                let failed = match verdict {
+                    Verdict::Failed { failure, .. } => owes(Err(failure)),
+                    _ => false,
+                };
+                self.table.transferred(node, failed);
+                if !self.member_mut(node)?.refused(verdict, next) {
+                    return None;
+                }
+                Event::NotBooted(verdict)
+            }
+            Said::Absent => {
+                self.table.transferred(node, true);
+                if !self.member_mut(node)?.absent(next) {
+                    return None;
+                }
+                Event::Missing
+            }
+        };
+        Some(Action::Node(node, event))
+    }
+}
+
+/// Whether responses of a transfer that ended like this may still come.
+const fn owes(end: Result<sdo::Outcome, sdo::Failure>) -> bool {
+    !matches!(end, Ok(_) | Err(sdo::Failure::Aborted(_) | sdo::Failure::Booted))
+}

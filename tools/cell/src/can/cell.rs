@@ -1,0 +1,193 @@
+//! The nodes on their bus.
+
+use std::collections::VecDeque;
+
+use puente_canopen::{Frame, NodeId};
+use puente_line::Instant;
+
+use super::bus::{Bus, Counters, Event, Heard, Totals};
+use super::node::{Model, Node};
+
+/// Events that are kept; the oldest go first.
+const LOG: usize = 4_096;
+
+/// A simulated node.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DriveConfig {
+    /// Its node-ID.
+    pub node: NodeId,
+    /// What it is.
+    pub model: Model,
+}
+
+impl DriveConfig {
+    /// A node as delivered; `None` for a node-ID outside of 1 to 127.
+    pub fn new(node: u8, model: Model) -> Option<Self> {
+        Some(Self { node: NodeId::new(node)?, model })
+    }
+}
+
+/// A bus to be simulated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Config {
+    /// bit/s.
+    pub bitrate: u32,
+    /// The nodes.
+    pub drives: Vec<DriveConfig>,
+    /// Stations outside: seats 0 and on.
+    pub ports: usize,
+    /// Probability that a frame is heard by nobody, though it is acknowledged.
+    pub drop: f64,
+    /// Probability that a frame is destroyed and sent again.
+    pub errors: f64,
+    /// Seed of all that is random.
+    pub seed: u64,
+}
+
+impl Config {
+    /// One station outside, no nodes, nothing goes wrong.
+    pub fn new(bitrate: u32) -> Self {
+        Self { bitrate, drives: Vec::new(), ports: 1, drop: 0.0, errors: 0.0, seed: 1 }
+    }
+
+    /// With a node more.
+    pub fn with(mut self, drive: DriveConfig) -> Self {
+        self.drives.push(drive);
+        self
+    }
+}
+
+/// A CAN bus with nodes.
+///
+/// Time never goes back: a `now` earlier than the latest one counts as the latest one.
+pub struct Cell {
+    bus: Bus,
+    ports: usize,
+    /// With their seats, which come after those of the ports.
+    nodes: Vec<Node>,
+    log: VecDeque<Event>,
+    now: Instant,
+}
+
+impl Cell {
+    /// A cell right after power-up, at the start of the clock.
+    pub fn new(config: Config) -> Self {
+        let mut bus = Bus::new(config.bitrate, config.seed);
+        bus.set_drop(config.drop);
+        bus.set_errors(config.errors);
+        for _ in 0..config.ports + config.drives.len() {
+            bus.join();
+        }
+        let nodes = config.drives.iter().map(Node::new).collect();
+        Self { bus, ports: config.ports, nodes, log: VecDeque::new(), now: Instant::ZERO }
+    }
+
+    /// The station at a port wants to send a frame, after those that it already wants to.
+    pub fn send(&mut self, now: Instant, port: usize, frame: &Frame) {
+        self.run(now);
+        if port < self.ports {
+            self.bus.send(self.now, port, *frame);
+        }
+        self.run(now);
+    }
+
+    /// The next frame that the station at a port has heard.
+    pub fn poll(&mut self, now: Instant, port: usize) -> Option<Frame> {
+        self.hear(now, port).map(|heard| heard.frame)
+    }
+
+    /// As [`Cell::poll`], with the moment.
+    pub fn hear(&mut self, now: Instant, port: usize) -> Option<Heard> {
+        self.run(now);
+        if port < self.ports { self.bus.take(port) } else { None }
+    }
+
+    /// When something happens next.
+    pub fn poll_at(&self) -> Option<Instant> {
+        let nodes = self.nodes.iter().filter_map(Node::poll_at);
+        nodes.chain(self.bus.poll_at()).min()
+    }
+
+    /// Drops what the station at a port has sent and is not on the bus yet.
+    pub fn discard(&mut self, port: usize) {
+        if port < self.ports {
+            self.bus.discard(port);
+        }
+    }
+
+    /// Frames of the station at a port that are not through yet.
+    pub fn pending(&self, port: usize) -> usize {
+        self.bus.pending(port)
+    }
+
+    /// The error counters of the station at a port.
+    pub fn counters(&self, port: usize) -> Counters {
+        self.bus.counters(port)
+    }
+
+    /// The bus, to see what has been on it, and to let something go wrong.
+    pub fn bus(&mut self) -> &mut Bus {
+        &mut self.bus
+    }
+
+    /// What has been on the bus.
+    pub fn totals(&self) -> Totals {
+        self.bus.totals()
+    }
+
+    /// The first node with a node-ID.
+    pub fn node(&self, id: u8) -> Option<&Node> {
+        self.nodes.iter().find(|node| node.id().value() == id)
+    }
+
+    /// As [`Cell::node`], to change it.
+    pub fn node_mut(&mut self, id: u8) -> Option<&mut Node> {
+        self.nodes.iter_mut().find(|node| node.id().value() == id)
+    }
+
+    /// The last events on the bus, oldest first, which are forgotten then.
+    pub fn take_events(&mut self) -> impl Iterator<Item = Event> + use<> {
+        std::mem::take(&mut self.log).into_iter()
+    }
+
+    /// Lets everything happen that is due by `now`, each at its own moment.
+    pub fn run(&mut self, now: Instant) {
+        let now = self.now.max(now);
+        loop {
+            // Nodes first: who wants to send at a moment takes part in the arbitration of that moment.
+            let node = self.nodes.iter().filter_map(Node::poll_at).min().filter(|at| *at <= now);
+            let bus = self.bus.poll_at().filter(|at| *at <= now);
+            match (node, bus) {
+                (Some(at), bus) if bus.is_none_or(|bus| at <= bus) => self.poll_nodes(self.now.max(at)),
+                (_, Some(at)) => self.step(self.now.max(at)),
+                _ => break,
+            }
+        }
+        self.step(now);
+    }
+
+    fn poll_nodes(&mut self, now: Instant) {
+        self.now = now;
+        for (seat, node) in (self.ports..).zip(&mut self.nodes) {
+            while let Some(frame) = node.poll(now) {
+                self.bus.send(now, seat, frame);
+            }
+        }
+    }
+
+    fn step(&mut self, now: Instant) {
+        self.now = now;
+        while let Some(event) = self.bus.step(now) {
+            if self.log.len() == LOG {
+                self.log.pop_front();
+            }
+            self.log.push_back(event);
+            for (seat, node) in (self.ports..).zip(&mut self.nodes) {
+                while let Some(heard) = self.bus.take(seat) {
+                    node.receive(heard.at, &heard.frame);
+                }
+            }
+            self.poll_nodes(now);
+        }
+    }
+}

@@ -1,0 +1,3 @@
+//! CANopen nodes on a CAN bus in virtual time.
+
+mod bus;
