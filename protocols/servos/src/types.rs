@@ -1,6 +1,7 @@
 //! What goes into a master and comes out of it.
 
 use core::fmt;
+use core::time::Duration;
 
 use puente_canopen::boot::Verdict;
 use puente_canopen::emcy::Emergency;
@@ -154,6 +155,13 @@ pub enum Node {
     Refused(Verdict),
     /// It is no such drive.
     Unfit(Complaint),
+    /// The period of its set-points (60C2h), which it changes at a reset only, is not that of SYNC.
+    Period {
+        /// That of SYNC.
+        expected: Duration,
+        /// Its own; `None` where it is none.
+        received: Option<Duration>,
+    },
     /// Whether it is such a drive could not be read.
     Unread {
         /// What was asked for.
@@ -172,6 +180,9 @@ impl fmt::Display for Node {
             Self::Lost => f.write_str("lost"),
             Self::Refused(verdict) => write!(f, "refused: {verdict}"),
             Self::Unfit(complaint) => write!(f, "refused: {complaint}"),
+            Self::Period { expected, received } => {
+                write!(f, "refused: its interpolation period is {received:?}, that of SYNC {expected:?}")
+            }
             Self::Unread { address, failure } => write!(f, "refused: {address}: {failure}"),
         }
     }

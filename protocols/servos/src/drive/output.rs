@@ -33,7 +33,8 @@ impl Value {
 /// What a drive is told.
 #[derive(Clone, Debug)]
 pub(super) struct Output {
-    word: Controlword,
+    /// The word that it shall have; `None`: nothing is to be told.
+    word: Option<Controlword>,
     /// The word that it was told last; `None` where somebody else may have told it another.
     told: Option<Controlword>,
     /// The word goes once more.
@@ -46,25 +47,36 @@ pub(super) struct Output {
 impl Output {
     pub const fn new(now: Instant) -> Self {
         let value = Value { wanted: None, told: None };
-        Self {
-            word: Controlword(0),
-            told: None,
-            again: false,
-            at: now,
-            values: [value; OBJECTS.len()],
+        Self { word: None, told: None, again: false, at: now, values: [value; OBJECTS.len()] }
+    }
+
+    /// Nothing is to be told, and nothing that it was told may be so any more.
+    pub fn forget(&mut self) {
+        *self = Self::new(self.at);
+    }
+
+    /// All objects are left as they are.
+    pub fn leave_all(&mut self) {
+        for value in &mut self.values {
+            value.wanted = None;
         }
     }
 
-    /// Nothing is told any more; what it was told does not count.
-    pub fn forget(&mut self) {
-        self.told = None;
-        self.again = false;
-        self.values = Default::default();
+    /// The word that it shall have.
+    pub const fn word(&self) -> Option<Controlword> {
+        self.word
     }
 
-    /// The word that it shall have.
+    /// Sets the word that it shall have.
     pub fn set_word(&mut self, word: Controlword) {
-        self.word = word;
+        self.word = Some(word);
+    }
+
+    /// What would let something begin is not told.
+    pub fn drop_urging(&mut self) {
+        if !self.stops() {
+            self.word = self.told;
+        }
     }
 
     /// The word goes (again), whatever it was told.
@@ -84,7 +96,10 @@ impl Output {
 
     /// Whether there is nothing left to be told.
     pub fn is_told(&self) -> bool {
-        self.told == Some(self.word) && !self.again && !self.values.iter().any(|value| value.is_due())
+        self.told.is_some()
+            && self.told == self.word
+            && !self.again
+            && !self.values.iter().any(|value| value.is_due())
     }
 
     /// What an object shall be.
@@ -99,11 +114,6 @@ impl Output {
         if let Some(slot) = self.value(object) {
             *slot = Value { wanted: Some(value), told: Some(value) };
         }
-    }
-
-    /// Whether an object was told this last.
-    pub fn has(&mut self, object: Object, value: i64) -> bool {
-        self.value(object).is_some_and(|slot| slot.told == Some(value))
     }
 
     /// What an object was told is not known any more.
@@ -121,7 +131,7 @@ impl Output {
     /// An object is left as it is.
     pub fn leave(&mut self, object: Object) {
         if let Some(slot) = self.value(object) {
-            slot.wanted = slot.told;
+            slot.wanted = None;
         }
     }
 
@@ -132,21 +142,28 @@ impl Output {
 
     /// Whether the word, when it goes, brings something about that what goes with it must be there for.
     fn urges(&self) -> bool {
-        let told = self.told.unwrap_or_default().0;
-        let rising = self.word.0 & !told;
-        let falling = told & !self.word.0;
+        let (Some(word), Some(told)) = (self.word, self.told) else {
+            return false;
+        };
+        let rising = word.0 & !told.0;
+        let falling = told.0 & !word.0;
         rising & (Controlword::ENABLE_OPERATION | Controlword::MODE_4) != 0
-            || falling & Controlword::HALT != 0 && self.word.has(Controlword::ENABLE_OPERATION)
+            || falling & Controlword::HALT != 0 && word.has(Controlword::ENABLE_OPERATION)
     }
 
     fn word_is_due(&self) -> bool {
-        self.again || self.told != Some(self.word)
+        self.word.is_some() && (self.again || self.told != self.word)
+    }
+
+    /// Whether the word is due, and lets nothing begin.
+    pub fn stops(&self) -> bool {
+        self.word_is_due() && !self.urges()
     }
 
     /// The word alone, at once.
     pub fn word_frame(&mut self, now: Instant, axis: &Axis) -> Option<Frame> {
-        let frame = pdo(axis, self.word, None)?;
-        self.told = Some(self.word);
+        let frame = pdo(axis, self.word?, None)?;
+        self.told = self.word;
         self.again = false;
         self.at = now;
         Some(frame)
@@ -155,27 +172,44 @@ impl Output {
     /// The next frame. A word that stops something goes before all else; one that lets something begin, after all else, and
     /// after what has to be written.
     pub fn frame(&mut self, now: Instant, axis: &Axis) -> Option<Frame> {
-        let word_is_due = self.word_is_due();
-        if word_is_due && !self.urges() {
+        if self.stops() {
             return self.word_frame(now, axis);
         }
-        // They carry the word as it is.
-        let word = self.told?;
-        for (object, slot) in OBJECTS.iter().zip(&mut self.values).filter(|(_, slot)| slot.is_due()) {
-            let Some(frame) = slot.wanted.and_then(|value| pdo(axis, word, Some((*object, value)))) else {
-                continue;
-            };
-            slot.told = slot.wanted;
+        if let Some((at, object, value)) = self.mapped(axis) {
+            // It carries the word as it is.
+            let frame = pdo(axis, self.told?, Some((object, value)))?;
+            if let Some(slot) = self.values.get_mut(at) {
+                slot.told = slot.wanted;
+            }
+            self.at = now;
             return Some(frame);
         }
-        if word_is_due && self.write(axis).is_none() { self.word_frame(now, axis) } else { None }
+        if self.word_is_due() && self.write(axis).is_none() { self.word_frame(now, axis) } else { None }
+    }
+
+    /// Whether there is a frame.
+    pub fn is_due(&self, axis: &Axis) -> bool {
+        self.stops()
+            || self.told.is_some() && self.mapped(axis).is_some()
+            || self.word_is_due() && self.write(axis).is_none()
+    }
+
+    fn due(&self) -> impl Iterator<Item = (usize, Object, i64)> {
+        let slots = OBJECTS.iter().zip(&self.values).enumerate();
+        slots
+            .filter(|(_, (_, slot))| slot.is_due())
+            .filter_map(|(at, (object, slot))| Some((at, *object, slot.wanted?)))
+    }
+
+    /// An object that a PDO has.
+    fn mapped(&self, axis: &Axis) -> Option<(usize, Object, i64)> {
+        self.due().find(|(_, object, _)| number_of(axis, *object).is_some())
     }
 
     /// An object that no PDO has, and what is to be written to it.
     pub fn write(&self, axis: &Axis) -> Option<(Object, i64)> {
-        let due = OBJECTS.iter().zip(&self.values).filter(|(_, slot)| slot.is_due());
-        let mut unmapped = due.filter(|(object, _)| number_of(axis, **object).is_none());
-        unmapped.next().and_then(|(object, slot)| Some((*object, slot.wanted?)))
+        let found = self.due().find(|(_, object, _)| number_of(axis, *object).is_none());
+        found.map(|(_, object, value)| (object, value))
     }
 }
 
