@@ -4,9 +4,7 @@ use embassy_executor::Spawner;
 
 use super::framed::framed;
 use super::vital::feeder_task;
-use super::{
-    InForce, bus_task, framed_task, front_task, keeper_task, lamps, line_settings, modbus, watch_task,
-};
+use super::{InForce, bus_task, framed_task, front_task, keeper_task, lamps, modbus, watch_task};
 use crate::clock;
 use crate::front::Gateway;
 use crate::port::embedded::Address;
@@ -76,7 +74,11 @@ fn buses(gateway: &'static Gateway, board: &mut Board) -> bool {
 #[inline(never)]
 fn bus(gateway: &'static Gateway, board: &mut Board, index: u8) -> bool {
     let Some(bus) = gateway.settings.buses.get(usize::from(index)) else { return false };
-    match board.lines.open(&bus.port, line_settings(bus)) {
+    let Some(line) = bus.line() else {
+        log::error!("[[bus]] \"{}\": nothing drives a CANopen bus yet", bus.name);
+        return false;
+    };
+    match board.lines.open(&bus.port, line) {
         Ok(line) => {
             if let Some(master) = modbus(gateway.settings, bus) {
                 board.buses.spawn(bus_task(gateway.desk, index, line, master).expect("one task a bus"));

@@ -6,7 +6,7 @@ use puente_framed::{section, station};
 use puente_line::Duration;
 use puente_modules::{Form, master, report, setting};
 
-use super::{DESK, line_settings, millis};
+use super::{DESK, millis};
 use crate::axis::pid;
 use crate::bus::framed::{Room, Setup};
 use crate::desk::BusImage;
@@ -40,7 +40,7 @@ pub(super) fn gains(pid: &Pid) -> Gains {
 /// The axes of a bus with their numbers.
 fn axes_of(settings: &Settings, index: usize) -> impl Iterator<Item = (u8, &settings::Axis, &Pid)> {
     let name = settings.buses.get(index).map(|bus| &bus.name);
-    (0..).zip(&settings.axes).filter_map(move |(id, axis)| match &axis.drive {
+    super::axes(settings).filter_map(move |(id, axis)| match &axis.drive {
         Drive::Pid(pid) if Some(&axis.bus) == name => Some((id, axis, pid)),
         _ => None,
     })
@@ -50,9 +50,9 @@ fn axes_of(settings: &Settings, index: usize) -> impl Iterator<Item = (u8, &sett
 pub(super) fn axis(settings: &Settings, bus: usize, pid: &Pid) -> pid::Spec {
     let count = axes_of(settings, bus).count();
     let within = settings.buses.get(bus).and_then(|bus| {
-        let line = line_settings(bus);
-        let cycle = line.wire_time(FRAME + count * (SECTION + FRAME + REPORT));
-        Some(cycle.max(millis(bus.framed()?.cycle_ms.into())))
+        let framed = bus.framed()?;
+        let cycle = framed.line.wire_time(FRAME + count * (SECTION + FRAME + REPORT));
+        Some(cycle.max(millis(framed.cycle_ms.into())))
     });
     // In the worst case one module is asked a cycle.
     let within = within.unwrap_or_default().saturating_mul(LOST * count as u32);
@@ -60,7 +60,8 @@ pub(super) fn axis(settings: &Settings, bus: usize, pid: &Pid) -> pid::Spec {
 }
 
 /// How every station of a bus behaves on the line.
-pub(super) fn manners(line: puente_line::Settings, framed: &settings::Framed) -> arbiter::Config {
+pub(super) fn manners(framed: &settings::Framed) -> arbiter::Config {
+    let line = framed.line;
     let characters = |count: u16| line.wire_time(count.into());
     arbiter::Config {
         gap: characters(framed.ipg),
@@ -79,9 +80,8 @@ pub(super) fn manners(line: puente_line::Settings, framed: &settings::Framed) ->
 pub fn framed(settings: &Settings, index: u8, seed: u64) -> Option<(BusImage<'static>, Setup)> {
     let bus = settings.buses.get(usize::from(index))?;
     let framed = bus.framed()?;
-    let line = line_settings(bus);
-    let mut station = station::Config::new(framed.station, line, limits::FRAME);
-    station.arbiter = manners(line, framed);
+    let mut station = station::Config::new(framed.station, framed.line, limits::FRAME);
+    station.arbiter = manners(framed);
     station.arbiter.echo = match framed.echo {
         settings::Echo::Verify => Echo::Compared,
         settings::Echo::Off | settings::Echo::Strip => Echo::None,

@@ -10,13 +10,13 @@ use static_cell::StaticCell;
 use super::framed::framed;
 use super::options::{Action, Options, USAGE};
 use super::simulated::simulated;
-use super::{InForce, bus_task, framed_task, front_task, keeper_task, line_settings, modbus, watch_task};
+use super::{InForce, bus_task, framed_task, front_task, keeper_task, modbus, watch_task};
 use crate::clock;
 use crate::front::Gateway;
-use crate::port::host::{Doors, LineSpec, exact_timers, random, start_log};
+use crate::port::host::{CanSpec, Doors, LineSpec, exact_timers, random, start_log};
 use crate::port::{Flash, Line, Place, limits};
 use crate::settings::store::Store;
-use crate::settings::{Bus, Problem, Settings, VERSION};
+use crate::settings::{Bus, Framed, Modbus, Problem, Protocol, Settings, VERSION};
 
 /// How long the end of the program waits for the drives to confirm their stops.
 const FAREWELL: std::time::Duration = std::time::Duration::from_secs(5);
@@ -84,13 +84,26 @@ fn checked(options: &Options, settings: &Settings, place: &str) -> Result<(), St
     options.on(settings).check().map_err(|problem| format!("{place}{problem}"))
 }
 
-/// The line of each bus; nothing is opened yet.
-fn lines(settings: &Settings) -> Result<Vec<LineSpec>, String> {
-    let line = |bus: &Bus| {
-        LineSpec::parse(&bus.port, line_settings(bus), || simulated(settings, bus))
-            .map_err(|error| format!("[[bus]] \"{}\" port: {error}", bus.name))
+/// Where a bus is.
+enum Spec {
+    Line(LineSpec),
+    Can(CanSpec),
+}
+
+/// The port of each bus; nothing is opened yet.
+fn ports(settings: &Settings) -> Result<Vec<Spec>, String> {
+    let port = |bus: &Bus| {
+        match &bus.protocol {
+            Protocol::ModbusRtu(Modbus { line, .. })
+            | Protocol::ModbusAscii(Modbus { line, .. })
+            | Protocol::Framed(Framed { line, .. }) => {
+                LineSpec::parse(&bus.port, *line, || simulated(settings, bus)).map(Spec::Line)
+            }
+            Protocol::Canopen(canopen) => CanSpec::parse(&bus.port, canopen.bitrate).map(Spec::Can),
+        }
+        .map_err(|error| format!("[[bus]] \"{}\" port: {error}", bus.name))
     };
-    settings.buses.iter().map(line).collect()
+    settings.buses.iter().map(port).collect()
 }
 
 fn run(options: &Options, base: Settings) -> ExitCode {
@@ -102,8 +115,8 @@ fn run(options: &Options, base: Settings) -> ExitCode {
     };
     let base = options.config.as_ref().map(|_| &*Box::leak(Box::new(base)));
     let InForce { settings, keeper, store } = super::settings(flash, base, false);
-    let lines = match lines(settings) {
-        Ok(lines) => lines,
+    let ports = match ports(settings) {
+        Ok(ports) => ports,
         Err(error) => return fail(error),
     };
     // The options go before the document, and are no part of it.
@@ -120,7 +133,7 @@ fn run(options: &Options, base: Settings) -> ExitCode {
     if let Err(error) = ctrlc::set_handler(move || end(gateway)) {
         return fail(error);
     }
-    std::thread::spawn(move || buses(gateway, lines));
+    std::thread::spawn(move || buses(gateway, ports));
     if print(&format!("ready http://{main} modbus-tcp://{modbus}\n")) == ExitCode::FAILURE {
         return fail("standard output is closed");
     }
@@ -142,12 +155,18 @@ fn end(gateway: &Gateway) {
 }
 
 /// The thread of the buses, so that no client delays them.
-fn buses(gateway: &'static Gateway, lines: Vec<LineSpec>) -> ! {
+fn buses(gateway: &'static Gateway, ports: Vec<Spec>) -> ! {
     static EXECUTOR: StaticCell<Executor> = StaticCell::new();
     let seed = random();
     EXECUTOR.init(Executor::new()).run(|spawner| {
-        for ((index, spec), bus) in (0..).zip(lines).zip(&gateway.settings.buses) {
-            let line = Line::new(spec);
+        for ((index, spec), bus) in (0..).zip(ports).zip(&gateway.settings.buses) {
+            let line = match spec {
+                Spec::Line(spec) => Line::new(spec),
+                Spec::Can(_) => {
+                    log::error!("[[bus]] \"{}\": nothing drives a CANopen bus yet", bus.name);
+                    continue;
+                }
+            };
             if let Some(master) = modbus(gateway.settings, bus) {
                 spawner.spawn(bus_task(gateway.desk, index, line, master).expect("one task a bus"));
             } else if let Some((image, setup)) = framed(gateway.settings, index, seed) {

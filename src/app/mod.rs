@@ -105,14 +105,19 @@ pub fn build(settings: &'static Settings, keeper: &'static Keeper) -> &'static G
     if let Some(bus) = settings.buses.iter().position(|bus| bus.framed().is_some()) {
         DESK.send_frames_to(bus as u8);
     }
-    let axes = Axes::new(&DESK, (0..).zip(&settings.axes).map(|(id, axis)| axis_spec(settings, id, axis)));
+    let axes = Axes::new(&DESK, axes(settings).filter_map(|(id, axis)| axis_spec(settings, id, axis)));
     GATEWAY.init_with(|| Gateway::new(settings, &DESK, axes, keeper))
 }
 
+/// The axes that can be commanded, with their numbers.
+fn axes(settings: &Settings) -> impl Iterator<Item = (u8, &settings::Axis)> {
+    (0..).zip(settings.axes.iter().filter(|axis| !matches!(axis.drive, settings::Drive::Cia402(_))))
+}
+
 /// What the axes go by of one of them; a cyclic one is added to the desk's process image.
-fn axis_spec(settings: &Settings, id: u8, axis: &settings::Axis) -> AxisSpec {
+fn axis_spec(settings: &Settings, id: u8, axis: &settings::Axis) -> Option<AxisSpec> {
     let bus = settings.bus(&axis.bus).unwrap_or_default();
-    AxisSpec {
+    Some(AxisSpec {
         name: axis.name.clone(),
         bus,
         bus_name: axis.bus.clone(),
@@ -125,17 +130,13 @@ fn axis_spec(settings: &Settings, id: u8, axis: &settings::Axis) -> AxisSpec {
                 DESK.add_cyclic(id, bus, framed::gains(pid));
                 DriveSpec::Pid(framed::axis(settings, usize::from(bus), pid))
             }
+            settings::Drive::Cia402(_) => return None,
         },
-    }
+    })
 }
 
 fn millis(ms: u32) -> Duration {
     Duration::from_millis(u64::from(ms))
-}
-
-/// The line's baud rate and format.
-fn line_settings(bus: &settings::Bus) -> puente_line::Settings {
-    puente_line::Settings { baud: bus.baud, format: bus.format }
 }
 
 /// What the master of a Modbus bus goes by.
@@ -143,11 +144,11 @@ pub fn modbus(settings: &Settings, bus: &settings::Bus) -> Option<Config> {
     let modbus = bus.modbus()?;
     let mode = mode(bus)?;
     Some(Config {
-        line: line_settings(bus),
+        line: modbus.line,
         mode,
         silence: if mode == Mode::Rtu && drives_edb(settings, bus) {
             // EDB drives want 4 characters of silence between RTU frames, where the standard has 3.5.
-            line_settings(bus).wire_time(4)
+            modbus.line.wire_time(4)
         } else {
             Duration::ZERO
         },
@@ -167,7 +168,7 @@ fn mode(bus: &settings::Bus) -> Option<Mode> {
     match bus.protocol {
         settings::Protocol::ModbusRtu(_) => Some(Mode::Rtu),
         settings::Protocol::ModbusAscii(_) => Some(Mode::Ascii),
-        settings::Protocol::Framed(_) => None,
+        settings::Protocol::Framed(_) | settings::Protocol::Canopen(_) => None,
     }
 }
 

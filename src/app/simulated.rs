@@ -1,42 +1,40 @@
 //! What is behind a bus whose port is `sim`.
 
 use puente_cell::framed::{self, ModuleConfig};
-use puente_modbus::Mode;
 use puente_modules::Form;
 
 use super::framed::manners;
-use super::{line_settings, mode};
+use super::mode;
 use crate::port::host::Simulation;
 use crate::settings::{Axis, Bus, Drive, Framed, Payload, Protocol, Settings};
 
-/// A drive, or a module, for each axis of the bus.
-pub fn simulated(settings: &Settings, bus: &Bus) -> Simulation {
+/// A drive, or a module, for each axis of a serial bus.
+pub fn simulated(settings: &Settings, bus: &Bus) -> Option<Simulation> {
     let axes = settings.axes.iter().filter(|axis| axis.bus == bus.name);
     match &bus.protocol {
-        Protocol::Framed(framed) => Simulation::Framed(table(bus, framed, axes)),
-        Protocol::ModbusRtu(_) | Protocol::ModbusAscii(_) => {
+        Protocol::Framed(framed) => Some(Simulation::Framed(table(framed, axes))),
+        Protocol::ModbusRtu(modbus) | Protocol::ModbusAscii(modbus) => {
             let addresses: Vec<u8> = axes.map(|axis| axis.address).collect();
-            let mode = mode(bus).unwrap_or(Mode::Ascii);
-            Simulation::Modbus(puente_cell::Config::new(mode, line_settings(bus), &addresses))
+            Some(Simulation::Modbus(puente_cell::Config::new(mode(bus)?, modbus.line, &addresses)))
         }
+        Protocol::Canopen(_) => None,
     }
 }
 
 /// Modules on axes of the TX8 table, with the manners that the gateway has.
-fn table<'a>(bus: &Bus, framed: &Framed, axes: impl Iterator<Item = &'a Axis>) -> framed::Config {
-    let line = line_settings(bus);
+fn table<'a>(framed: &Framed, axes: impl Iterator<Item = &'a Axis>) -> framed::Config {
     let module = |axis: &Axis| {
         let form = match &axis.drive {
             Drive::Pid(pid) if pid.payload == Payload::Binary => Form::Binary,
-            Drive::Pid(_) | Drive::Edb(_) => Form::Text,
+            Drive::Pid(_) | Drive::Edb(_) | Drive::Cia402(_) => Form::Text,
         };
         ModuleConfig { form, ..ModuleConfig::new(axis.address) }
     };
     framed::Config {
-        manners: manners(line, framed),
+        manners: manners(framed),
         modules: axes.map(module).collect(),
         echo: framed.echo != crate::settings::Echo::Off,
-        ..framed::Config::new(line, &[])
+        ..framed::Config::new(framed.line, &[])
     }
 }
 
@@ -83,10 +81,10 @@ mod tests {
         "#;
         let settings: Settings = toml::from_str(text).expect("settings");
         let [a, b] = &settings.buses[..] else { panic!("two buses") };
-        let Simulation::Framed(config) = simulated(&settings, b) else { panic!("framed") };
+        let Some(Simulation::Framed(config)) = simulated(&settings, b) else { panic!("framed") };
         let modules: Vec<_> = config.modules.iter().map(|module| (module.address, module.form)).collect();
         assert_eq!(modules, [(17, Form::Text), (18, Form::Binary)]);
-        let line = line_settings(b);
+        let line = b.line().expect("a line");
         let manners = config.manners;
         assert_eq!((manners.line, manners.policy), (line, Policy::Thesis));
         assert_eq!(
@@ -94,7 +92,7 @@ mod tests {
             (line.wire_time(3), line.wire_time(10), line.wire_time(10))
         );
         assert!(!config.echo);
-        let Simulation::Modbus(config) = simulated(&settings, a) else { panic!("Modbus") };
+        let Some(Simulation::Modbus(config)) = simulated(&settings, a) else { panic!("Modbus") };
         assert_eq!(config.drives.iter().map(|drive| drive.address).collect::<Vec<_>>(), [5]);
     }
 }

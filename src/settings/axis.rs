@@ -1,14 +1,16 @@
 //! An axis: one flat table in a document, an enum of drives here, as with a [bus](super::bus).
 
 use core::fmt;
+use core::str::FromStr;
 
+use puente_drives::cia402;
 use puente_drives::edb::Registers;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, SeqAccess, Visitor};
 use serde::ser::SerializeStruct;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::Name;
+use super::{Name, Text};
 
 /// An axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,7 +19,7 @@ pub struct Axis {
     pub name: Name,
     /// The name of its bus.
     pub bus: Name,
-    /// Address of the drive on its bus: 1 to 247, on a framed bus 1 to 254.
+    /// Address of the drive on its bus: 1 to 247, on a framed bus 1 to 254; on a CANopen bus its node-ID, 1 to 127.
     pub address: u8,
     /// What drives it.
     pub drive: Drive,
@@ -32,6 +34,8 @@ pub enum Drive {
     Edb(Edb),
     /// A PID interface module.
     Pid(Pid),
+    /// A drive of CiA 402.
+    Cia402(Cia402),
 }
 
 /// What an EDB drive has.
@@ -51,6 +55,59 @@ pub struct Pid {
     pub payload: Payload,
     /// Kp, Ki and Kd, as the drive's [`Gains`](puente_drives::pid::Gains) has them; none until somebody gives some.
     pub gains: Option<[f32; 3]>,
+}
+
+/// What a drive of CiA 402 has.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct Cia402 {
+    /// What kind it is.
+    #[serde(deserialize_with = "profile")]
+    pub profile: &'static cia402::Profile,
+    /// How it is homed (6098h) where nobody says otherwise; as the drive has it where absent, as with all that follow.
+    pub homing: Option<i8>,
+    /// Speed of homing to the switch (6099h:1), in the drive's unit.
+    pub homing_fast: Option<u32>,
+    /// Speed of homing to the zero (6099h:2), in the drive's unit.
+    pub homing_slow: Option<u32>,
+    /// Acceleration of homing (609Ah), in the drive's unit.
+    pub homing_acceleration: Option<u32>,
+    /// Highest profile velocity (607Fh), in the drive's unit.
+    pub max_velocity: Option<u32>,
+}
+
+/// A profile by its name.
+struct ProfileName(&'static cia402::Profile);
+
+impl fmt::Display for ProfileName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.0.name)
+    }
+}
+
+impl FromStr for ProfileName {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        const KNOWN: &str = "\"lexium23a\", \"festo-cmms\" or \"generic\" is a profile";
+        cia402::Profile::named(text).map(Self).ok_or(KNOWN)
+    }
+}
+
+fn profile<'de, D: Deserializer<'de>>(deserializer: D) -> Result<&'static cia402::Profile, D::Error> {
+    Text::<ProfileName>::deserialize(deserializer).map(|text| text.0.0)
+}
+
+impl Default for Cia402 {
+    fn default() -> Self {
+        Self {
+            profile: &cia402::Profile::GENERIC,
+            homing: None,
+            homing_fast: None,
+            homing_slow: None,
+            homing_acceleration: None,
+            max_velocity: None,
+        }
+    }
 }
 
 /// How numbers are written to a PID module.
@@ -75,6 +132,7 @@ impl Default for Edb {
 enum Kind {
     Edb,
     Pid,
+    Cia402,
 }
 
 impl Drive {
@@ -83,6 +141,7 @@ impl Drive {
         match self {
             Drive::Edb(_) => "edb",
             Drive::Pid(_) => "pid",
+            Drive::Cia402(_) => "cia402",
         }
     }
 
@@ -90,6 +149,7 @@ impl Drive {
         match self {
             Drive::Edb(_) => Kind::Edb,
             Drive::Pid(_) => Kind::Pid,
+            Drive::Cia402(_) => Kind::Cia402,
         }
     }
 }
@@ -115,9 +175,30 @@ struct Table {
     registers: Option<Registers>,
     payload: Option<Payload>,
     gains: Option<[f32; 3]>,
+    profile: Option<Text<ProfileName>>,
+    homing: Option<i8>,
+    homing_fast: Option<u32>,
+    homing_slow: Option<u32>,
+    homing_acceleration: Option<u32>,
+    max_velocity: Option<u32>,
 }
 
-const KEYS: &[&str] = &["name", "bus", "drive", "address", "max_rpm", "registers", "payload", "gains"];
+const KEYS: &[&str] = &[
+    "name",
+    "bus",
+    "drive",
+    "address",
+    "max_rpm",
+    "registers",
+    "payload",
+    "gains",
+    "profile",
+    "homing",
+    "homing_fast",
+    "homing_slow",
+    "homing_acceleration",
+    "max_velocity",
+];
 
 impl Table {
     fn edb(&self) -> Edb {
@@ -132,6 +213,17 @@ impl Table {
         Pid { payload: self.payload.unwrap_or_default(), gains: self.gains }
     }
 
+    fn cia402(&self) -> Cia402 {
+        Cia402 {
+            profile: self.profile.as_ref().map_or(Cia402::default().profile, |text| text.0.0),
+            homing: self.homing,
+            homing_fast: self.homing_fast,
+            homing_slow: self.homing_slow,
+            homing_acceleration: self.homing_acceleration,
+            max_velocity: self.max_velocity,
+        }
+    }
+
     /// The first key that is given and that another drive has.
     fn stray(&self) -> Option<&'static str> {
         let others = [
@@ -139,6 +231,12 @@ impl Table {
             (Kind::Edb, "registers", self.registers.is_some()),
             (Kind::Pid, "payload", self.payload.is_some()),
             (Kind::Pid, "gains", self.gains.is_some()),
+            (Kind::Cia402, "profile", self.profile.is_some()),
+            (Kind::Cia402, "homing", self.homing.is_some()),
+            (Kind::Cia402, "homing_fast", self.homing_fast.is_some()),
+            (Kind::Cia402, "homing_slow", self.homing_slow.is_some()),
+            (Kind::Cia402, "homing_acceleration", self.homing_acceleration.is_some()),
+            (Kind::Cia402, "max_velocity", self.max_velocity.is_some()),
         ];
         let stray = others.iter().find(|(kind, _, given)| *given && *kind != self.drive);
         stray.map(|(_, key, _)| *key)
@@ -151,6 +249,7 @@ impl From<Table> for Axis {
             drive: match table.drive {
                 Kind::Edb => Drive::Edb(table.edb()),
                 Kind::Pid => Drive::Pid(table.pid()),
+                Kind::Cia402 => Drive::Cia402(table.cia402()),
             },
             stray: table.stray(),
             name: table.name,
@@ -176,6 +275,14 @@ impl Serialize for Axis {
             Drive::Pid(pid) => {
                 table.serialize_field("payload", &pid.payload)?;
                 table.serialize_field("gains", &pid.gains)?;
+            }
+            Drive::Cia402(cia402) => {
+                table.serialize_field("profile", cia402.profile.name)?;
+                table.serialize_field("homing", &cia402.homing)?;
+                table.serialize_field("homing_fast", &cia402.homing_fast)?;
+                table.serialize_field("homing_slow", &cia402.homing_slow)?;
+                table.serialize_field("homing_acceleration", &cia402.homing_acceleration)?;
+                table.serialize_field("max_velocity", &cia402.max_velocity)?;
             }
         }
         table.end()
@@ -215,6 +322,7 @@ impl<'de> Visitor<'de> for Reader {
             drive: match kind {
                 Kind::Edb => Drive::Edb(seq.next_element()?.ok_or_else(missing)?),
                 Kind::Pid => Drive::Pid(seq.next_element()?.ok_or_else(missing)?),
+                Kind::Cia402 => Drive::Cia402(seq.next_element()?.ok_or_else(missing)?),
             },
             stray: None,
         })

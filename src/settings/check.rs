@@ -5,8 +5,8 @@ use core::net::Ipv4Addr;
 
 use puente_drives::pid::Gains;
 
-use super::{Axis, Bus, Drive, Echo, Edb, Framed, Modbus, Name, Net, Pid, Protocol, Settings, VERSION};
-use crate::port::limits::{CLIENTS, CLIENTS_ALLOWED, FRAMED};
+use super::{Axis, Bus, Cia402, Drive, Edb, Name, Net, Node, Pid, Protocol, Settings, VERSION};
+use crate::port::limits::{CANOPEN, CLIENTS, CLIENTS_ALLOWED, FRAMED};
 use crate::port::{self, BadPort};
 
 /// What is wrong with a document whose types are right, and where.
@@ -52,6 +52,38 @@ pub enum Problem {
     FramedBuses {
         /// The first that is too many.
         name: Name,
+    },
+    /// There are more CANopen buses than the gateway can have.
+    CanopenBuses {
+        /// The first that is too many.
+        name: Name,
+    },
+    /// Two CANopen buses have the same network number.
+    SameNet {
+        /// The second bus.
+        name: Name,
+        /// The first bus.
+        other: Name,
+        /// The number.
+        net: u16,
+    },
+    /// A value of a node is out of range.
+    Node {
+        /// The bus that it names.
+        bus: Name,
+        /// Which node of that.
+        id: u8,
+        /// The key.
+        key: &'static str,
+        /// What is allowed.
+        allowed: &'static str,
+    },
+    /// A node names a bus that does not exist, or is no CANopen bus.
+    NodeBus {
+        /// The bus that it names.
+        bus: Name,
+        /// Which node.
+        id: u8,
     },
     /// Two buses serve the same unit.
     Overlap {
@@ -106,6 +138,18 @@ impl fmt::Display for Problem {
             Problem::FramedBuses { name } => {
                 write!(f, "[[bus]] \"{name}\" protocol: at most {FRAMED} can be framed")
             }
+            Problem::CanopenBuses { name } => {
+                write!(f, "[[bus]] \"{name}\" protocol: at most {CANOPEN} can be CANopen")
+            }
+            Problem::SameNet { name, other, net } => {
+                write!(f, "[[bus]] \"{name}\" net: bus \"{other}\" has number {net} already")
+            }
+            Problem::Node { bus, id, key, allowed } => {
+                write!(f, "[[node]] {id} of \"{bus}\" {key}: {allowed}")
+            }
+            Problem::NodeBus { bus, id } => {
+                write!(f, "[[node]] {id} of \"{bus}\" bus: there is no CANopen [[bus]] \"{bus}\"")
+            }
             Problem::Overlap { name, other, unit } => {
                 write!(f, "[[bus]] \"{name}\" units: bus \"{other}\" serves unit {unit} already")
             }
@@ -127,6 +171,8 @@ impl fmt::Display for Problem {
 
 /// The port of which there are as many as one likes.
 const SIMULATED: &str = "sim";
+const NODE_IDS: core::ops::RangeInclusive<u8> = 1..=127;
+const NODE_IDS_ALLOWED: &str = "1 to 127 is allowed";
 const NAMES: &str = "a unique name of letters, digits, '-' and '_' is needed";
 
 fn is_name(name: &str) -> bool {
@@ -153,6 +199,11 @@ impl Settings {
                 if other.port == bus.port && bus.port != SIMULATED {
                     return Err(Problem::SamePort { name: bus.name.clone(), other: other.name.clone() });
                 }
+                let nets = other.canopen().zip(bus.canopen()).filter(|(other, bus)| other.net == bus.net);
+                if let Some((_, canopen)) = nets {
+                    let (name, other) = (bus.name.clone(), other.name.clone());
+                    return Err(Problem::SameNet { name, other, net: canopen.net });
+                }
                 let units = other.modbus().zip(bus.modbus());
                 if let Some(unit) = units.and_then(|(other, bus)| other.units.overlap(&bus.units)) {
                     return Err(Problem::Overlap { name: bus.name.clone(), other: other.name.clone(), unit });
@@ -162,10 +213,36 @@ impl Settings {
         if let Some(bus) = self.buses.iter().filter(|bus| bus.framed().is_some()).nth(FRAMED) {
             return Err(Problem::FramedBuses { name: bus.name.clone() });
         }
+        if let Some(bus) = self.buses.iter().filter(|bus| bus.canopen().is_some()).nth(CANOPEN) {
+            return Err(Problem::CanopenBuses { name: bus.name.clone() });
+        }
         for (index, axis) in self.axes.iter().enumerate() {
             self.check_axis(axis, self.axes.get(..index).unwrap_or_default())?;
         }
+        for (index, node) in self.nodes.iter().enumerate() {
+            self.check_node(node, self.nodes.get(..index).unwrap_or_default())?;
+        }
         Ok(())
+    }
+
+    fn check_node(&self, node: &Node, before: &[Node]) -> Result<(), Problem> {
+        let bus = self.buses.iter().find(|bus| bus.name == node.bus).and_then(Bus::canopen);
+        let bus = bus.ok_or_else(|| Problem::NodeBus { bus: node.bus.clone(), id: node.id })?;
+        let problem =
+            |(key, allowed)| Err(Problem::Node { bus: node.bus.clone(), id: node.id, key, allowed });
+        if !NODE_IDS.contains(&node.id) {
+            return problem(("id", NODE_IDS_ALLOWED));
+        }
+        if node.id == bus.node {
+            return problem(("id", "it must differ from the node of the bus, which is the gateway itself"));
+        }
+        if before.iter().any(|other| other.bus == node.bus && other.id == node.id) {
+            return problem(("id", "another [[node]] is this one already"));
+        }
+        if node.name.as_ref().is_some_and(|name| !is_name(name)) {
+            return problem(("name", "letters, digits, '-' and '_' are allowed"));
+        }
+        node.check().or_else(problem)
     }
 
     fn check_axis(&self, axis: &Axis, before: &[Axis]) -> Result<(), Problem> {
@@ -179,22 +256,38 @@ impl Settings {
         if let Some(key) = axis.stray {
             return problem(key, "this drive has no such key");
         }
-        match (&axis.drive, bus.framed()) {
-            (Drive::Edb(_), Some(_)) => return problem("drive", "\"pid\" is what a framed bus can have"),
-            (Drive::Pid(_), None) => return problem("drive", "\"edb\" is what a Modbus bus can have"),
-            (Drive::Edb(_), None) if !(1..=247).contains(&axis.address) => {
-                return problem("address", "1 to 247 is allowed");
+        match (&axis.drive, &bus.protocol) {
+            (Drive::Edb(_), Protocol::ModbusRtu(_) | Protocol::ModbusAscii(_)) => {
+                if !(1..=247).contains(&axis.address) {
+                    return problem("address", "1 to 247 is allowed");
+                }
             }
-            (Drive::Pid(_), Some(_)) if !(1..=254).contains(&axis.address) => {
-                return problem("address", "1 to 254 is allowed");
+            (Drive::Pid(_), Protocol::Framed(framed)) => {
+                if !(1..=254).contains(&axis.address) {
+                    return problem("address", "1 to 254 is allowed");
+                }
+                if axis.address == framed.station {
+                    const OWN: &str =
+                        "it must differ from the station of the bus, which is the gateway itself";
+                    return problem("address", OWN);
+                }
             }
-            (Drive::Pid(_), Some(framed)) if axis.address == framed.station => {
-                return problem(
-                    "address",
-                    "it must differ from the station of the bus, which is the gateway itself",
-                );
+            (Drive::Cia402(_), Protocol::Canopen(canopen)) => {
+                if !NODE_IDS.contains(&axis.address) {
+                    return problem("address", NODE_IDS_ALLOWED);
+                }
+                if axis.address == canopen.node {
+                    const OWN: &str = "it must differ from the node of the bus, which is the gateway itself";
+                    return problem("address", OWN);
+                }
             }
-            (Drive::Edb(_), None) | (Drive::Pid(_), Some(_)) => {}
+            (_, Protocol::ModbusRtu(_) | Protocol::ModbusAscii(_)) => {
+                return problem("drive", "\"edb\" is what a Modbus bus can have");
+            }
+            (_, Protocol::Framed(_)) => return problem("drive", "\"pid\" is what a framed bus can have"),
+            (_, Protocol::Canopen(_)) => {
+                return problem("drive", "\"cia402\" is what a CANopen bus can have");
+            }
         }
         if let Some(other) =
             before.iter().find(|other| other.bus == axis.bus && other.address == axis.address)
@@ -204,6 +297,7 @@ impl Settings {
         match &axis.drive {
             Drive::Edb(edb) => edb.check(&axis.name),
             Drive::Pid(pid) => pid.check(&axis.name),
+            Drive::Cia402(cia402) => cia402.check(&axis.name),
         }
     }
 }
@@ -237,6 +331,21 @@ impl Pid {
     }
 }
 
+impl Cia402 {
+    fn check(&self, axis: &Name) -> Result<(), Problem> {
+        let positive = [
+            ("homing_fast", self.homing_fast),
+            ("homing_slow", self.homing_slow),
+            ("homing_acceleration", self.homing_acceleration),
+            ("max_velocity", self.max_velocity),
+        ];
+        match positive.into_iter().find(|(_, value)| *value == Some(0)) {
+            Some((key, _)) => Err(Problem::Axis { name: axis.clone(), key, allowed: "it must be above 0" }),
+            None => Ok(()),
+        }
+    }
+}
+
 impl Net {
     fn check(&self) -> Result<(), Problem> {
         let problem = |key, allowed| Err(Problem::Net { key, allowed });
@@ -251,6 +360,14 @@ impl Net {
         }
         if self.port == self.modbus_port && self.port != 0 {
             return problem("modbus_port", "it must differ from port");
+        }
+        for (key, port, others) in [
+            ("slcan_port", self.slcan_port, [self.port, self.modbus_port, 0]),
+            ("socketcand_port", self.socketcand_port, [self.port, self.modbus_port, self.slcan_port]),
+        ] {
+            if port != 0 && others.contains(&port) {
+                return problem(key, "it must differ from the other ports");
+            }
         }
         if !(1..=30).contains(&self.address.prefix) {
             return problem("address", "1 to 30 bits of the network part are allowed");
@@ -289,68 +406,37 @@ impl Bus {
         if let Some(key) = self.stray {
             return Err(problem((key, "this protocol has no such key")));
         }
-        if !(300..=1_000_000).contains(&self.baud) {
-            return Err(problem(("baud", "300 to 1000000 is allowed")));
+        if let Some(line) = self.line() {
+            if !(300..=1_000_000).contains(&line.baud) {
+                return Err(problem(("baud", "300 to 1000000 is allowed")));
+            }
+            if line.format.data_bits == 7 {
+                match self.protocol {
+                    Protocol::ModbusRtu(_) => {
+                        return Err(problem(("format", "Modbus RTU needs 8 data bits")));
+                    }
+                    Protocol::Framed(_) => return Err(problem(("format", "a framed bus needs 8 data bits"))),
+                    Protocol::ModbusAscii(_) | Protocol::Canopen(_) => {}
+                }
+            }
         }
-        match (&self.protocol, self.format.data_bits) {
-            (Protocol::ModbusRtu(_), 7) => return Err(problem(("format", "Modbus RTU needs 8 data bits"))),
-            (Protocol::Framed(_), 7) => return Err(problem(("format", "a framed bus needs 8 data bits"))),
-            (Protocol::ModbusRtu(modbus) | Protocol::ModbusAscii(modbus), _) => modbus.check(),
-            (Protocol::Framed(framed), _) => framed.check(),
-        }
-        .map_err(problem)?;
-        let line = puente_line::Settings { baud: self.baud, format: self.format };
-        port::check_line(&self.port, line).map_err(|error| Problem::Port { name: self.name.clone(), error })
+        let port = match &self.protocol {
+            Protocol::ModbusRtu(modbus) | Protocol::ModbusAscii(modbus) => {
+                modbus.check().map_err(problem)?;
+                port::check_line(&self.port, modbus.line)
+            }
+            Protocol::Framed(framed) => {
+                framed.check().map_err(problem)?;
+                port::check_line(&self.port, framed.line)
+            }
+            Protocol::Canopen(canopen) => {
+                canopen.check().map_err(problem)?;
+                port::check_can(&self.port, canopen.bitrate)
+            }
+        };
+        port.map_err(|error| Problem::Port { name: self.name.clone(), error })
     }
 }
 
 /// A key, and what is allowed.
-type Range = (&'static str, &'static str);
-
-impl Modbus {
-    fn check(&self) -> Result<(), Range> {
-        if !(5..=60_000).contains(&self.reply_timeout_ms) {
-            return Err(("reply_timeout_ms", "5 to 60000 is allowed"));
-        }
-        if self.turnaround_ms > 10_000 {
-            return Err(("turnaround_ms", "0 to 10000 is allowed"));
-        }
-        if self.rest_ms > 10_000 {
-            return Err(("rest_ms", "0 to 10000 is allowed"));
-        }
-        if self.quarantine_ms.is_some_and(|ms| ms > 60_000) {
-            return Err(("quarantine_ms", "0 to 60000 is allowed"));
-        }
-        if !(50..=60_000).contains(&self.queue_timeout_ms) {
-            return Err(("queue_timeout_ms", "50 to 60000 is allowed"));
-        }
-        Ok(())
-    }
-}
-
-impl Framed {
-    fn check(&self) -> Result<(), Range> {
-        if !(1..=254).contains(&self.station) {
-            return Err(("station", "1 to 254 is allowed"));
-        }
-        if !(1..=1000).contains(&self.cycle_ms) {
-            return Err(("cycle_ms", "1 to 1000 is allowed"));
-        }
-        if !(1..=1000).contains(&self.ipg) {
-            return Err(("ipg", "1 to 1000 characters are allowed"));
-        }
-        if !(1..=1000).contains(&self.slot) {
-            return Err(("slot", "1 to 1000 characters are allowed"));
-        }
-        if !(1..=16).contains(&self.attempts) {
-            return Err(("attempts", "1 to 16 is allowed"));
-        }
-        if !(1..=8).contains(&self.window) {
-            return Err(("window", "1 to 8 is allowed"));
-        }
-        if self.echo == Echo::Strip {
-            return Err(("echo", "\"verify\" or \"off\" is what a framed bus can have"));
-        }
-        Ok(())
-    }
-}
+pub(super) type Range = (&'static str, &'static str);

@@ -5,7 +5,7 @@ use core::fmt;
 
 use heapless::Vec;
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
-use serde::{Deserialize, de};
+use serde::{Deserialize, Serialize, de};
 
 use super::{Net, Settings, VERSION};
 
@@ -16,14 +16,15 @@ enum Field {
     Net,
     Bus,
     Axis,
+    Node,
 }
 
-const FIELDS: &[&str] = &["version", "net", "bus", "axis"];
+pub(super) const FIELDS: &[&str] = &["version", "net", "bus", "axis", "node"];
 
 impl Settings {
     /// What the keys stand for that a document does not have. It does not hold: there is no bus.
     pub(super) fn blank() -> Self {
-        Self { version: VERSION, net: Net::default(), buses: Vec::new(), axes: Vec::new() }
+        Self { version: VERSION, net: Net::default(), buses: Vec::new(), axes: Vec::new(), nodes: Vec::new() }
     }
 }
 
@@ -67,6 +68,7 @@ impl<'de> Visitor<'de> for Place<'_> {
                 Field::Net => settings.net = map.next_value()?,
                 Field::Bus => map.next_value_seed(List(&mut settings.buses))?,
                 Field::Axis => map.next_value_seed(List(&mut settings.axes))?,
+                Field::Node => map.next_value_seed(List(&mut settings.nodes))?,
             }
         }
         if seen.get(Field::Bus as usize) == Some(&true) {
@@ -76,7 +78,7 @@ impl<'de> Visitor<'de> for Place<'_> {
         }
     }
 
-    /// Compact: all there is, in its order.
+    /// Compact: all there is but what [`Later`] has, in its order.
     fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<(), A::Error> {
         let missing = || A::Error::custom("the document is cut off");
         let settings = self.0;
@@ -87,7 +89,42 @@ impl<'de> Visitor<'de> for Place<'_> {
     }
 }
 
-/// Where buses or axes are read to.
+/// What documents have since there are CANopen buses. The compact form has it after the rest, and only where it says
+/// something: one without is as it was before, and firmware that does not know it refuses one with it.
+pub(super) struct Later<'s>(pub &'s mut Settings);
+
+impl<'de> DeserializeSeed<'de> for Later<'_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        deserializer.deserialize_tuple(3, self)
+    }
+}
+
+impl<'de> Visitor<'de> for Later<'_> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("ports and nodes")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<(), A::Error> {
+        let missing = || A::Error::custom("the document is cut off");
+        let Settings { net, nodes, .. } = self.0;
+        net.slcan_port = seq.next_element()?.ok_or_else(missing)?;
+        net.socketcand_port = seq.next_element()?.ok_or_else(missing)?;
+        seq.next_element_seed(List(nodes))?.ok_or_else(missing)
+    }
+}
+
+/// As it is read; none where it says nothing.
+pub(super) fn later(settings: &Settings) -> Option<impl Serialize> {
+    let Settings { net, nodes, .. } = settings;
+    let later = (net.slcan_port, net.socketcand_port, nodes.as_slice());
+    (later.0 != 0 || later.1 != 0 || !later.2.is_empty()).then_some(later)
+}
+
+/// Where buses, axes or nodes are read to.
 struct List<'s, T, const N: usize>(&'s mut Vec<T, N>);
 
 impl<'de, T: Deserialize<'de>, const N: usize> DeserializeSeed<'de> for List<'_, T, N> {

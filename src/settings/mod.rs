@@ -8,24 +8,28 @@ mod cidr;
 mod document;
 pub mod json;
 pub mod keeper;
+mod node;
 pub mod record;
 pub mod store;
+mod write;
 
 use core::fmt;
 use core::net::Ipv4Addr;
 use core::str::FromStr;
 
 use heapless::{String, Vec};
-use puente_line::{Format, Parity};
+use serde::ser::SerializeStruct;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-pub use axis::{Axis, Drive, Edb, Payload, Pid};
-pub use bus::{Bus, Echo, Framed, Modbus, Policy, Protocol};
+pub use axis::{Axis, Cia402, Drive, Edb, Payload, Pid};
+pub use bus::{Bus, Canopen, ClientFrames, Echo, Framed, Modbus, Policy, Protocol};
 pub use check::Problem;
 pub use cidr::{BadCidr, Cidr};
+pub use node::{AXIS_HEARTBEAT_MS, Node};
+pub use write::{Value, Write};
 
 use crate::port::defaults;
-use crate::port::limits::{AXES, BUSES};
+use crate::port::limits::{AXES, BUSES, NODES};
 
 /// The version of the document's keys that this firmware reads and writes.
 pub const VERSION: u32 = 1;
@@ -34,18 +38,34 @@ pub const VERSION: u32 = 1;
 pub type Name = String<16>;
 
 /// The whole document.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// Version of the keys, [`VERSION`].
     pub version: u32,
     /// TCP side.
     pub net: Net,
     /// The buses.
-    #[serde(rename = "bus")]
     pub buses: Vec<Bus, BUSES>,
     /// The axes.
-    #[serde(rename = "axis")]
     pub axes: Vec<Axis, AXES>,
+    /// The nodes of CANopen buses of which there is something to say.
+    pub nodes: Vec<Node, NODES>,
+}
+
+impl Serialize for Settings {
+    /// The compact form has no nodes here, see [`document::Later`].
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let readable = serializer.is_human_readable();
+        let mut document = serializer.serialize_struct("Settings", document::FIELDS.len())?;
+        document.serialize_field("version", &self.version)?;
+        document.serialize_field("net", &self.net)?;
+        document.serialize_field("bus", &self.buses)?;
+        document.serialize_field("axis", &self.axes)?;
+        if readable {
+            document.serialize_field("node", &self.nodes)?;
+        }
+        document.end()
+    }
 }
 
 /// TCP side.
@@ -60,6 +80,12 @@ pub struct Net {
     pub modbus_port: u16,
     /// Clients served at once; a few places more are kept for stops.
     pub clients: u16,
+    /// TCP port of SLCAN; 0: there is none.
+    #[serde(with = "later")]
+    pub slcan_port: u16,
+    /// TCP port of socketcand; 0: there is none.
+    #[serde(with = "later")]
+    pub socketcand_port: u16,
     /// How long a silent commander keeps its axes, in ms.
     pub lease_ms: u32,
     /// A client that says nothing for so long is let go, in s.
@@ -82,6 +108,8 @@ impl Default for Net {
             port: defaults::MAIN_PORT,
             modbus_port: defaults::MODBUS_PORT,
             clients: 16,
+            slcan_port: 0,
+            socketcand_port: 0,
             lease_ms: 250,
             idle_s: 120,
             dhcp: true,
@@ -97,6 +125,23 @@ impl Net {
     pub fn leads_elsewhere(&self, other: &Self) -> bool {
         let place = |net: &Self| (net.bind, net.port, net.modbus_port, net.dhcp, net.address, net.router);
         place(self) != place(other)
+    }
+}
+
+/// A port that the compact form does not have here: [`document::Later`] has it. A unit takes no room there.
+mod later {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(port: &u16, serializer: S) -> Result<S::Ok, S::Error> {
+        if serializer.is_human_readable() { port.serialize(serializer) } else { ().serialize(serializer) }
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u16, D::Error> {
+        if deserializer.is_human_readable() {
+            u16::deserialize(deserializer)
+        } else {
+            <()>::deserialize(deserializer).map(|()| 0)
+        }
     }
 }
 
@@ -137,8 +182,6 @@ impl Settings {
         let bus = Bus {
             name: name("a"),
             port: String::try_from(defaults::LINE).unwrap_or_default(),
-            baud: 9600,
-            format: Format { data_bits: 8, parity: Parity::Odd, stop_bits: 1 },
             protocol: Protocol::ModbusAscii(Modbus::default()),
             stray: None,
         };
@@ -154,6 +197,7 @@ impl Settings {
             net: Net::default(),
             buses: [bus].into_iter().collect(),
             axes: [("x", 1), ("y", 2), ("z", 3)].into_iter().map(axis).collect(),
+            nodes: Vec::new(),
         }
     }
 

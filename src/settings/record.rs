@@ -2,13 +2,14 @@
 //! atomic, and the newest record that is whole is all there is to know.
 //!
 //! Documents are compact (postcard), not text: two of the largest fit the buffer that one of them needs as JSON. The
-//! price is that a document has no keys: any change of the types in [`Settings`] is a new `FORMAT`,
-//! with a reader for each old one that is to stay readable. A record of another format is refused as a whole.
+//! price is that a document has no keys: any change of what old documents have is a new `FORMAT`, with a reader for each
+//! old one that is to stay readable. A record of another format is refused as a whole. What is only added follows after the
+//! rest, where it says something ([`Later`]).
 
 use serde::de::DeserializeSeed;
 
 use super::Settings;
-use super::document::Place;
+use super::document::{Later, Place, later};
 
 /// Number of the form that records and documents have.
 const FORMAT: u8 = 1;
@@ -100,7 +101,12 @@ fn document(bytes: &[u8], settings: &mut Settings) -> Result<bool, Unreadable> {
     let mut found = Settings::blank();
     let mut deserializer = postcard::Deserializer::from_bytes(bytes);
     Place(&mut found).deserialize(&mut deserializer).map_err(|_| Unreadable)?;
-    let rest = deserializer.finalize().map_err(|_| Unreadable)?;
+    let mut rest = deserializer.finalize().map_err(|_| Unreadable)?;
+    if !rest.is_empty() {
+        let mut deserializer = postcard::Deserializer::from_bytes(rest);
+        Later(&mut found).deserialize(&mut deserializer).map_err(|_| Unreadable)?;
+        rest = deserializer.finalize().map_err(|_| Unreadable)?;
+    }
     if !rest.is_empty() || found.check().is_err() {
         return Err(Unreadable);
     }
@@ -127,7 +133,10 @@ pub fn emit(
 
 fn write(buffer: &mut [u8], document: Option<&Settings>) -> Result<usize, TooLarge> {
     let Some(settings) = document else { return Ok(0) };
-    postcard::to_slice(settings, buffer).map(|written| written.len()).map_err(|_| TooLarge)
+    let written = postcard::to_slice(settings, buffer).map_err(|_| TooLarge)?.len();
+    let Some(later) = later(settings) else { return Ok(written) };
+    let rest = buffer.get_mut(written..).unwrap_or_default();
+    postcard::to_slice(&later, rest).map(|rest| written + rest.len()).map_err(|_| TooLarge)
 }
 
 /// Gives the record in these bytes its serial number.

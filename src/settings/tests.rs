@@ -4,6 +4,8 @@ use super::record::{self, Record, Trial};
 use super::*;
 use crate::desk::Units;
 
+mod canopen;
+
 fn text_of(settings: &Settings) -> std::string::String {
     serde_json::to_string(settings).expect("text")
 }
@@ -69,7 +71,6 @@ fn framed() -> Settings {
     let mut settings = Settings::factory();
     let bus = &mut settings.buses[0];
     bus.name = "b".parse().expect("a name");
-    (bus.baud, bus.format) = (1_000_000, "8N1".parse().expect("a format"));
     bus.protocol = Protocol::Framed(Framed::default());
     settings.axes.truncate(2);
     for (address, axis) in (17..).zip(&mut settings.axes) {
@@ -269,6 +270,7 @@ prop_compose! {
         let mut all = Units::default();
         units.into_iter().for_each(|unit| all.insert(unit));
         let modbus = Modbus {
+            line: puente_line::Settings { baud, format: format.parse().expect("a format") },
             units: all,
             reply_timeout_ms: times[0],
             turnaround_ms: times[1],
@@ -280,8 +282,6 @@ prop_compose! {
         Bus {
             name: name.parse().expect("a name"),
             port: port.parse().expect("a port"),
-            baud,
-            format: format.parse().expect("a format"),
             protocol: if rtu { Protocol::ModbusRtu(modbus) } else { Protocol::ModbusAscii(modbus) },
             stray: None,
         }
@@ -301,7 +301,7 @@ prop_compose! {
     ) -> Framed {
         let policy = if thesis { Policy::Thesis } else { Policy::Truncated };
         let echo = if off { Echo::Off } else { Echo::Verify };
-        Framed { station, policy, cycle_ms, ipg, slot, attempts, window, echo }
+        Framed { line: Framed::default().line, station, policy, cycle_ms, ipg, slot, attempts, window, echo }
     }
 }
 
@@ -338,7 +338,9 @@ prop_compose! {
             };
             settings.axes.push(axis).expect("room");
         }
-        if let Some(framed) = framed {
+        if let Some(mut framed) = framed {
+            let line = bus.line().expect("a line");
+            framed.line = line;
             bus.protocol = Protocol::Framed(framed);
         }
         settings.buses[0] = bus;

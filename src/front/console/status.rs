@@ -13,7 +13,7 @@ use crate::axis::edb::{self, Jog};
 use crate::axis::{Known, Snapshot, pid};
 use crate::clock;
 use crate::desk::{Event, Holder, View};
-use crate::settings;
+use crate::settings::{self, Protocol};
 
 /// Values of an axis, who commands it, and how the last commander lost it.
 pub(super) fn axis(gateway: &Gateway, id: u8, snapshot: &Snapshot, reply: &mut Reply) {
@@ -100,14 +100,15 @@ fn event(now: Instant, event: &Event, reply: &mut Reply) {
 /// Settings of a bus, and what was counted on it.
 pub(super) fn bus(gateway: &Gateway, bus: u8, reply: &mut Reply) {
     let Some(settings) = gateway.settings.buses.get(usize::from(bus)) else { return };
-    let settings::Bus { name, protocol, port, baud, format, .. } = settings;
-    say(
-        reply,
-        format_args!("ok bus={name} protocol={} port={port} baud={baud} format={format}", protocol.name()),
-    );
-    match settings.framed() {
-        Some(framed) => self::framed(gateway, bus, framed, reply),
-        None => modbus(gateway, bus, reply),
+    let settings::Bus { name, protocol, port, .. } = settings;
+    say(reply, format_args!("ok bus={name} protocol={} port={port}", protocol.name()));
+    if let Some(line) = settings.line() {
+        say(reply, format_args!(" baud={} format={}", line.baud, line.format));
+    }
+    match protocol {
+        Protocol::ModbusRtu(_) | Protocol::ModbusAscii(_) => modbus(gateway, bus, reply),
+        Protocol::Framed(framed) => self::framed(gateway, bus, framed, reply),
+        Protocol::Canopen(canopen) => self::canopen(canopen, reply),
     }
 }
 
@@ -162,6 +163,11 @@ fn framed(gateway: &Gateway, bus: u8, framed: &settings::Framed, reply: &mut Rep
             ),
         );
     }
+}
+
+fn canopen(canopen: &settings::Canopen, reply: &mut Reply) {
+    let settings::Canopen { bitrate, node, net, sync_us, .. } = canopen;
+    say(reply, format_args!(" bitrate={bitrate} node={node} net={net} sync_us={sync_us}"));
 }
 
 fn modbus(gateway: &Gateway, bus: u8, reply: &mut Reply) {

@@ -11,10 +11,16 @@ pub const SLOTS: usize = CLIENTS + 2;
 pub const PIPELINE: usize = 4;
 /// Requests under way at once, of all clients.
 pub const TICKETS: usize = 24;
-/// Buses: the lines a and b.
-pub const BUSES: usize = 2;
+/// Buses: the lines a and b, and CAN 1 and 2.
+pub const BUSES: usize = 4;
 /// Framed buses: each takes more memory than a Modbus bus.
 pub const FRAMED: usize = 1;
+/// CANopen buses: CAN 1 and 2.
+pub const CANOPEN: usize = 2;
+/// Nodes of which the settings say something, of all CANopen buses.
+pub const NODES: usize = 8;
+/// Values that the settings have written to a node.
+pub const WRITES: usize = 8;
 /// Longest frame on a framed bus, in bytes.
 pub const FRAME: usize = puente_framed::frame::MAX_FRAME;
 /// Modules of a framed bus that tell events at once; the others wait. What matters of events is in the reports, too.

@@ -14,6 +14,12 @@ pub const TICKETS: usize = 256;
 pub const BUSES: usize = 8;
 /// Framed buses.
 pub const FRAMED: usize = 8;
+/// CANopen buses.
+pub const CANOPEN: usize = 8;
+/// Nodes of which the settings say something, of all CANopen buses.
+pub const NODES: usize = 64;
+/// Values that the settings have written to a node.
+pub const WRITES: usize = 16;
 /// Longest frame on a framed bus, in bytes.
 pub const FRAME: usize = puente_framed::frame::MAX_FRAME;
 /// Modules of a framed bus that tell events at once.

@@ -63,10 +63,14 @@ impl fmt::Display for BadPort {
 }
 
 impl LineSpec {
-    /// Reads the `port` of a bus; `sim` tells what the simulated cell is made of.
-    pub fn parse(port: &str, settings: Settings, sim: impl FnOnce() -> Simulation) -> Result<Self, BadPort> {
+    /// Reads the `port` of a bus; `sim` tells what the simulated cell is made of, where there is one for this bus.
+    pub fn parse(
+        port: &str,
+        settings: Settings,
+        sim: impl FnOnce() -> Option<Simulation>,
+    ) -> Result<Self, BadPort> {
         if port == "sim" {
-            return Ok(Self::Sim(sim()));
+            return sim().map(Self::Sim).ok_or(BadPort::Line);
         }
         if let Some(address) = port.strip_prefix("tcp:") {
             return if is_address(address) { Ok(Self::Tcp(address.to_owned())) } else { Err(BadPort::Line) };
@@ -96,7 +100,7 @@ pub(super) fn is_address(address: &str) -> bool {
 
 /// Whether a bus can have this `port`. Whether there is such a device tells only its use.
 pub fn check_line(port: &str, settings: Settings) -> Result<(), BadPort> {
-    let nothing = || Simulation::Modbus(puente_cell::Config::new(Mode::Ascii, settings, &[]));
+    let nothing = || Some(Simulation::Modbus(puente_cell::Config::new(Mode::Ascii, settings, &[])));
     LineSpec::parse(port, settings, nothing).map(|_| ())
 }
 

@@ -1,4 +1,10 @@
-use super::super::{Cidr, Drive, Echo, Edb, Framed, Modbus, Payload, Pid, Policy, Protocol};
+use puente_canopen::Address;
+use puente_drives::cia402::Profile;
+
+use super::super::{
+    Canopen, Cia402, Cidr, ClientFrames, Drive, Echo, Edb, Framed, Modbus, Node, Payload, Pid, Policy,
+    Protocol, Value, Write,
+};
 use super::*;
 
 /// The text that a reply has for it.
@@ -12,6 +18,7 @@ fn largest() -> Settings {
     let net = &mut settings.net;
     net.bind = [255; 4].into();
     (net.port, net.modbus_port) = (65_535, 65_534);
+    (net.slcan_port, net.socketcand_port) = (65_533, 65_532);
     (net.lease_ms, net.idle_s, net.dhcp) = (5000, 86_400, false);
     net.address = Cidr { address: [223, 255, 255, 253].into(), prefix: 30 };
     net.router = Some([223, 255, 255, 254].into());
@@ -21,8 +28,8 @@ fn largest() -> Settings {
     let bus = &mut settings.buses[0];
     bus.name = "b".repeat(16).parse().expect("a name");
     bus.port = ("/".to_string() + &"p".repeat(63)).parse().expect("a port");
-    bus.baud = 1_000_000;
     bus.protocol = Protocol::ModbusAscii(Modbus {
+        line: puente_line::Settings { baud: 1_000_000, ..Modbus::default().line },
         units: units[..32].join(",").parse().expect("units"),
         reply_timeout_ms: 60_000,
         turnaround_ms: 10_000,
@@ -62,6 +69,7 @@ fn largest() -> Settings {
 fn largest_framed() -> Settings {
     let mut settings = largest();
     let framed = Framed {
+        line: Framed::default().line,
         station: 254,
         policy: Policy::Truncated,
         cycle_ms: 1000,
@@ -79,6 +87,52 @@ fn largest_framed() -> Settings {
     settings
 }
 
+/// The largest document with a CANopen bus and a node.
+fn largest_canopen() -> Settings {
+    let mut settings = largest();
+    let bus = &mut settings.buses[0];
+    bus.protocol = Protocol::Canopen(Canopen {
+        bitrate: 1_000_000,
+        node: 127,
+        net: u16::MAX,
+        sync_us: 60_000_000,
+        sync_overflow: 240,
+        heartbeat_ms: u16::MAX,
+        sdo_timeout_ms: 60_000,
+        client_frames: ClientFrames::Write,
+    });
+    bus.port = ("slcan:/".to_string() + &"p".repeat(57)).parse().expect("a port");
+    let axis = &mut settings.axes[0];
+    axis.address = 126;
+    axis.drive = Drive::Cia402(Cia402 {
+        profile: &Profile::FESTO_CMMS,
+        homing: Some(-128),
+        homing_fast: Some(u32::MAX),
+        homing_slow: Some(u32::MAX),
+        homing_acceleration: Some(u32::MAX),
+        max_velocity: Some(u32::MAX),
+    });
+    let longest =
+        Write { address: Address::new(u16::MAX, 255), value: Value::R64(-1.234_567_890_123_456_7e-308) };
+    let node = Node {
+        name: Some("n".repeat(16).parse().expect("a name")),
+        vendor: Some(u32::MAX),
+        product: Some(u32::MAX),
+        revision: Some(u32::MAX),
+        serial: Some(u32::MAX),
+        device_type: Some(u32::MAX),
+        heartbeat_ms: Some(0),
+        guard_ms: u16::MAX,
+        life_factor: 255,
+        start: false,
+        writes: [longest; 2].into_iter().collect(),
+        ..Node::new(settings.buses[0].name.clone(), 125)
+    };
+    settings.nodes.push(node).expect("room");
+    assert_eq!(settings.check(), Ok(()));
+    settings
+}
+
 /// Of the parts that [`DOCUMENT`] and two such documents in a record are made of: version and net, a bus, an axis.
 #[test]
 fn the_form_has_room_for_the_largest_document_and_for_a_record_of_two() {
@@ -88,14 +142,20 @@ fn the_form_has_room_for_the_largest_document_and_for_a_record_of_two() {
     // A comma follows all but the last of each.
     let net = json(&settings).len() - bus - axis;
     println!("{net} {bus} {axis}");
-    assert!(net <= 336 && bus < 448 && axis < 288);
+    assert!(net <= 384 && bus < 448 && axis < 288);
+    // A CANopen bus and its axes take less; and a node with two values.
+    let canopen = largest_canopen();
+    let node = json(&canopen.nodes[0]).len();
+    println!("{node}");
+    assert!(json(&canopen.buses[0]).len() < bus && json(&canopen.axes[0]).len() < axis);
+    assert!(node < 304 + 2 * 48, "{node}");
     // A framed bus and its axes take less, in either form.
     let framed = largest_framed();
-    let compact = |settings: &Settings| record::emit(&mut [0; 1024], Some(settings), None).expect("room");
+    let compact = |settings: &Settings| record::emit(&mut [0; 2048], Some(settings), None).expect("room");
     assert!(json(&framed.buses[0]).len() < bus && json(&framed.axes[0]).len() < axis);
     assert!(compact(&framed) < compact(&settings));
 
-    let compact = |settings: &Settings| record::emit(&mut [0; 1024], Some(settings), None).expect("room");
+    let compact = |settings: &Settings| record::emit(&mut [0; 2048], Some(settings), None).expect("room");
     let mut more = settings.clone();
     more.buses.push(settings.buses[0].clone()).expect("room");
     let bus = compact(&more) - compact(&settings);
@@ -103,9 +163,24 @@ fn the_form_has_room_for_the_largest_document_and_for_a_record_of_two() {
     more.axes.push(settings.axes[0].clone()).expect("room");
     let axis = compact(&more) - compact(&settings);
     let rest = compact(&settings) - bus - axis;
+    let mut canopen = canopen;
+    let node = |settings: &mut Settings, writes: usize| {
+        let with = compact(settings);
+        let longest = settings.nodes[0].writes[0];
+        settings.nodes[0].writes.extend(vec![longest; writes - 2]);
+        let more = compact(settings) - with;
+        let mut none = settings.clone();
+        none.nodes.clear();
+        more + with - compact(&none)
+    };
     println!("{rest} {bus} {axis}");
     // On a board and here.
-    for (buses, axes) in [(2, 8), (BUSES, AXES)] {
-        assert!(2 * (rest + buses * bus + axes * axis) <= 336 + buses * 448 + axes * 288);
+    for (buses, axes, nodes, writes) in [(4, 8, 8, 8), (BUSES, AXES, NODES, WRITES)] {
+        canopen.nodes[0].writes.truncate(2);
+        let node = node(&mut canopen, writes);
+        println!("{node}");
+        let largest = rest + buses * bus + axes * axis + nodes * node;
+        let room = 384 + buses * 448 + axes * 288 + nodes * (304 + writes * 16);
+        assert!(2 * largest <= room, "{largest} {room}");
     }
 }

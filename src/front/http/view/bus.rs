@@ -17,6 +17,7 @@ use crate::settings::{self, Protocol};
 pub(in crate::front::http) enum Bus<'a> {
     Modbus(Modbus<'a>),
     Framed(Framed<'a>),
+    Canopen(Canopen<'a>),
 }
 
 #[derive(Serialize)]
@@ -35,6 +36,21 @@ pub(in crate::front::http) struct Framed<'a> {
     window: u8,
     echo: settings::Echo,
     statistics: Cycles,
+}
+
+#[derive(Serialize)]
+pub(in crate::front::http) struct Canopen<'a> {
+    name: &'a str,
+    protocol: &'static str,
+    port: &'a str,
+    bitrate: u32,
+    node: u8,
+    net: u16,
+    sync_us: u32,
+    sync_overflow: u8,
+    heartbeat_ms: u16,
+    sdo_timeout_ms: u16,
+    client_frames: settings::ClientFrames,
 }
 
 #[derive(Serialize)]
@@ -125,6 +141,25 @@ impl<'a> Bus<'a> {
                 Bus::Modbus(Modbus::new(bus, modbus, statistics))
             }
             Protocol::Framed(framed) => Bus::Framed(Framed::new(bus, framed, cycles, line_down)),
+            Protocol::Canopen(canopen) => Bus::Canopen(Canopen::new(bus, canopen)),
+        }
+    }
+}
+
+impl<'a> Canopen<'a> {
+    fn new(bus: &'a settings::Bus, canopen: &settings::Canopen) -> Self {
+        Self {
+            name: &bus.name,
+            protocol: bus.protocol.name(),
+            port: &bus.port,
+            bitrate: canopen.bitrate,
+            node: canopen.node,
+            net: canopen.net,
+            sync_us: canopen.sync_us,
+            sync_overflow: canopen.sync_overflow,
+            heartbeat_ms: canopen.heartbeat_ms,
+            sdo_timeout_ms: canopen.sdo_timeout_ms,
+            client_frames: canopen.client_frames,
         }
     }
 }
@@ -140,8 +175,8 @@ impl<'a> Framed<'a> {
             name: &bus.name,
             protocol: bus.protocol.name(),
             port: &bus.port,
-            baud: bus.baud,
-            format: Text(bus.format),
+            baud: framed.line.baud,
+            format: Text(framed.line.format),
             station: framed.station,
             policy: framed.policy,
             cycle_ms: framed.cycle_ms,
@@ -178,8 +213,8 @@ impl<'a> Modbus<'a> {
             name: &bus.name,
             protocol: bus.protocol.name(),
             port: &bus.port,
-            baud: bus.baud,
-            format: Text(bus.format),
+            baud: modbus.line.baud,
+            format: Text(modbus.line.format),
             units: Text(modbus.units),
             reply_timeout_ms: modbus.reply_timeout_ms,
             turnaround_ms: modbus.turnaround_ms,

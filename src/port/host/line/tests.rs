@@ -22,7 +22,7 @@ fn settings() -> Settings {
 
 fn line(port: &str) -> Line {
     let cell = || Simulation::Modbus(puente_cell::Config::new(Mode::Rtu, settings(), &[1]));
-    Line::new(LineSpec::parse(port, settings(), cell).expect("a line"))
+    Line::new(LineSpec::parse(port, settings(), || Some(cell())).expect("a line"))
 }
 
 fn listen() -> (TcpListener, String) {
@@ -155,7 +155,7 @@ fn a_simulated_framed_line_gives_back_what_is_sent() {
     // 1 ms a character.
     let settings = Settings { baud: 10_000, ..settings() };
     let cell = || Simulation::Framed(puente_cell::framed::Config::new(settings, &[17]));
-    let mut line = Line::new(LineSpec::parse("sim", settings, cell).expect("a line"));
+    let mut line = Line::new(LineSpec::parse("sim", settings, || Some(cell())).expect("a line"));
     let (mut reader, mut writer) = line.split();
     run(writer.write_all(b"a")).expect("sent");
     assert_eq!(run(read_exactly(&mut reader, 1)), b"a");
