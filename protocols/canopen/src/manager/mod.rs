@@ -252,6 +252,11 @@ impl<'a, const NODES: usize, const CHANNELS: usize> Manager<'a, NODES, CHANNELS>
         sent.chain(members).chain(self.lss.poll_at()).chain(self.babble.poll_at()).min()
     }
 
+    /// When the next SYNC is due; a poll gives nothing else before it.
+    pub const fn sync_at(&self) -> Option<Instant> {
+        self.sync.poll_at()
+    }
+
     fn member(&self, node: NodeId) -> Option<&Managed<'a>> {
         self.members.iter().find(|managed| managed.member.id == node)
     }
