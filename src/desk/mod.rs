@@ -13,7 +13,9 @@ mod mail;
 mod pending;
 mod queue;
 mod route;
+mod seats;
 mod statistics;
+mod turn;
 
 use core::cell::RefCell;
 use core::fmt;
@@ -29,11 +31,12 @@ use puente_modbus::Evidence;
 pub use duty::Duty;
 pub use image::{BusImage, Input, View, Wish, at_rest};
 pub use lease::{Cause, Event, Holder, Leased, Permit};
-pub use mail::{Follower, Frame, MailStatistics, Permits, Turn};
+pub use mail::{Follower, Frame, MailStatistics, Turn};
 pub use pending::Pending;
 pub use queue::BusQueue;
 pub use route::Units;
 pub use statistics::{BUCKETS_MS, Statistics, Traffic};
+pub use turn::Permits;
 
 use crate::port::limits::{AXES, BUSES, TICKETS};
 
@@ -164,12 +167,13 @@ struct State {
     image: image::Slots,
     lease_time: Duration,
     mail: mail::Mail,
+    seats: seats::Seats,
 }
 
 /// The desk. One for the whole gateway, shared by every task.
 pub struct Desk {
     state: Mutex<CriticalSectionRawMutex, RefCell<State>>,
-    outgoing: mail::Place,
+    outgoing: mail::Outgoing,
     work: [Signal<CriticalSectionRawMutex, ()>; BUSES],
     leases_changed: [Signal<CriticalSectionRawMutex, ()>; AXES],
 }
@@ -191,8 +195,9 @@ impl Desk {
                 image: Vec::new(),
                 lease_time: Duration::ZERO,
                 mail: mail::Mail::new(),
+                seats: seats::Seats::new(),
             })),
-            outgoing: mail::Place::new(mail::Frame::new()),
+            outgoing: mail::Outgoing::new(mail::Frame::new()),
             work: [const { Signal::new() }; BUSES],
             leases_changed: [const { Signal::new() }; AXES],
         }
@@ -225,6 +230,13 @@ impl Desk {
 
     fn with<R>(&self, f: impl FnOnce(&mut State) -> R) -> R {
         self.state.lock(|state| f(&mut state.borrow_mut()))
+    }
+
+    /// Tells the pump of a bus that there is something to do.
+    fn work(&self, bus: Option<u8>) {
+        if let Some(signal) = bus.and_then(|bus| self.work.get(usize::from(bus))) {
+            signal.signal(());
+        }
     }
 
     /// The bus that serves a unit id from 1 to 255.
@@ -282,9 +294,7 @@ impl Desk {
             ticket.ok_or(Reason::QueueFull)
         });
         let ticket = ticket.map_err(Failure::NotSent)?;
-        if let Some(signal) = self.work.get(bus) {
-            signal.signal(());
-        }
+        self.work(Some(order.bus));
         Ok(Pending::new(self, ticket))
     }
 }
