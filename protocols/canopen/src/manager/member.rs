@@ -8,6 +8,7 @@ use super::types::{Health, Member};
 use crate::boot::Verdict;
 use crate::monitor::{self, Supervision};
 use crate::nmt::{Command, State};
+use crate::sdo::Failure;
 use crate::{Frame, Monitor};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,8 +106,12 @@ impl<'a> Managed<'a> {
     /// It did not answer: whether that is to be told.
     pub fn absent(&mut self, next: Instant) -> bool {
         self.attempt(next, false);
-        if !matches!(self.phase, Phase::Lost) {
-            self.phase = Phase::Absent;
+        let silent = matches!(self.verdict, Some(Verdict::Failed { failure: Failure::Timeout { .. }, .. }));
+        match self.phase {
+            // That it does not answer is known already.
+            Phase::Lost => {}
+            Phase::Refused if silent => {}
+            _ => self.phase = Phase::Absent,
         }
         let tell = !self.member.optional && !self.told_missing && self.phase == Phase::Absent;
         self.told_missing |= tell;

@@ -3,19 +3,22 @@
 //! An *upload* reads from the server, a *download* writes to it.
 //!
 //! - [`Request`], [`Response`], [`BlockSegment`]: the eight bytes of a message, for either end.
-//! - [`Client`]: one transfer at a time with one server. [`Abort`]: why a transfer ended.
+//! - [`Client`]: one transfer at a time with one server. [`Server`]: gives and takes the objects of a [`Dictionary`].
+//! - [`Abort`]: why a transfer ended.
 
 mod abort;
 mod client;
 mod request;
 mod response;
 mod segment;
+mod server;
 
 pub use abort::Abort;
 pub use client::{Action, Busy, Client, Config, Counters, Failure, Outcome, Transfer};
 pub use request::Request;
 pub use response::Response;
 pub use segment::{BlockSegment, Initiate, Segment};
+pub use server::{Dictionary, Server};
 
 /// Data bytes of a segment.
 pub const SEGMENT: usize = 7;

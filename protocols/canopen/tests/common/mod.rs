@@ -1,7 +1,9 @@
 //! What the tests share.
 #![allow(dead_code)]
 
+pub mod bus;
 pub mod channel;
+pub mod objects;
 pub mod server;
 pub mod zencan;
 

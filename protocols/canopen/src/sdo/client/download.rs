@@ -22,9 +22,15 @@ enum Phase {
     /// The whole block is out.
     Acknowledgement,
     /// It is, and its last segment has been repeated.
-    Probe,
+    Probe {
+        /// Not for the first time.
+        again: bool,
+    },
     /// The whole last block is out, and the end of the transfer, for the acknowledgement may be lost.
-    ProbeEnd,
+    ProbeEnd {
+        /// Not for the first time.
+        again: bool,
+    },
     /// The end of a block transfer.
     End {
         /// Not for the first time.
@@ -91,7 +97,7 @@ impl Download {
     fn wanted(&self) -> (u32, usize) {
         let before = match self.phase {
             Phase::Block => u32::from(self.sent),
-            Phase::Acknowledgement | Phase::Probe => u32::from(self.sent.saturating_sub(1)),
+            Phase::Acknowledgement | Phase::Probe { .. } => u32::from(self.sent.saturating_sub(1)),
             _ => 0,
         };
         let offset = self.confirmed.saturating_add(before * SEGMENT as u32);
@@ -153,8 +159,8 @@ impl Download {
                 }
                 Next::Segment(segment)
             }
-            Phase::Acknowledgement | Phase::Probe => Next::Segment(self.segment(self.sent)?.0),
-            Phase::ProbeEnd | Phase::End { .. } => Next::Message(self.end()),
+            Phase::Acknowledgement | Phase::Probe { .. } => Next::Segment(self.segment(self.sent)?.0),
+            Phase::ProbeEnd { .. } | Phase::End { .. } => Next::Message(self.end()),
         })
     }
 
@@ -196,18 +202,21 @@ impl Download {
                 if self.sent >= first & !0x80 {
                     return false;
                 }
-                Phase::ProbeEnd
+                Phase::ProbeEnd { again: false }
             }
             // In the next block it would be the right one.
             Phase::Acknowledgement if self.sent < 2 => return false,
-            Phase::Acknowledgement => Phase::Probe,
+            Phase::Acknowledgement => Phase::Probe { again: false },
+            // The answer may be lost, too.
+            Phase::Probe { again: false } => Phase::Probe { again: true },
+            Phase::ProbeEnd { again: false } => Phase::ProbeEnd { again: true },
             // CANopenNode passes over all of a block whose first segment it lacks.
-            Phase::Probe | Phase::ProbeEnd if self.checks => {
+            Phase::Probe { .. } | Phase::ProbeEnd { .. } if self.checks => {
                 self.unsure = true;
                 self.sent = 0;
                 Phase::Block
             }
-            Phase::Probe | Phase::ProbeEnd => return false,
+            Phase::Probe { .. } | Phase::ProbeEnd { .. } => return false,
             Phase::End { .. } => Phase::End { repeated: true },
         };
         self.supplied = None;
@@ -250,7 +259,10 @@ impl Download {
                 self.take_block(block, Step::Send)
             }
             // It lacks the first segment, too; or it has acknowledged the block, and how much of it is lost.
-            (Phase::Probe | Phase::ProbeEnd, Ok(Response::AcknowledgeBlock { last: 0, block })) => {
+            (
+                Phase::Probe { .. } | Phase::ProbeEnd { .. },
+                Ok(Response::AcknowledgeBlock { last: 0, block }),
+            ) => {
                 self.unsure = true;
                 if self.checks {
                     self.acknowledge(0, block, counters)
@@ -259,10 +271,10 @@ impl Download {
                 }
             }
             (
-                Phase::Acknowledgement | Phase::Probe | Phase::ProbeEnd,
+                Phase::Acknowledgement | Phase::Probe { .. } | Phase::ProbeEnd { .. },
                 Ok(Response::AcknowledgeBlock { last, block }),
             ) => self.acknowledge(last, block, counters),
-            (Phase::ProbeEnd | Phase::End { .. }, Ok(Response::EndBlockDownload)) => {
+            (Phase::ProbeEnd { .. } | Phase::End { .. }, Ok(Response::EndBlockDownload)) => {
                 Step::End(Ok(Outcome::Written))
             }
             _ => Step::Foreign,
