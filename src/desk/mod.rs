@@ -6,7 +6,9 @@
 //! is queued without bound, nothing is sent twice, and what is dropped before it was sent never is.
 
 mod breaker;
+mod can;
 mod duty;
+mod fair;
 mod image;
 mod lease;
 mod mail;
@@ -28,6 +30,10 @@ use puente_framed::arbiter::Failure as LineFailure;
 use puente_line::{Duration, Instant};
 use puente_modbus::Evidence;
 
+pub use can::{
+    CanBus, CanFailure, CanFollower, CanSpec, CanStatistics, Heard, Lost, LssFailure, Origin, SdoOrder,
+    SdoPending, SdoTransfer, What,
+};
 pub use duty::Duty;
 pub use image::{BusImage, Input, View, Wish, at_rest};
 pub use lease::{Cause, Event, Holder, Leased, Permit};
@@ -149,9 +155,7 @@ struct Bus {
     spec: BusSpec,
     breaker: breaker::Breaker,
     statistics: Statistics,
-    last_seat: u8,
-    /// The last request but for stops was a [`Class::Motion`].
-    last_moved: bool,
+    fair: fair::Fair,
     /// Before this moment its pump gives the next sign of life; none until the first.
     alive_until: Option<Instant>,
     /// Of a cyclic bus.
@@ -167,6 +171,7 @@ struct State {
     image: image::Slots,
     lease_time: Duration,
     mail: mail::Mail,
+    can: can::Can,
     seats: seats::Seats,
 }
 
@@ -195,6 +200,7 @@ impl Desk {
                 image: Vec::new(),
                 lease_time: Duration::ZERO,
                 mail: mail::Mail::new(),
+                can: can::Can::new(),
                 seats: seats::Seats::new(),
             })),
             outgoing: mail::Outgoing::new(mail::Frame::new()),
@@ -217,8 +223,7 @@ impl Desk {
                     spec,
                     breaker,
                     statistics,
-                    last_seat: 0,
-                    last_moved: false,
+                    fair: fair::Fair::new(),
                     alive_until: None,
                     cycles: Default::default(),
                     line_down: false,

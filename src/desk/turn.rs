@@ -95,6 +95,13 @@ impl<T: Copy> Place<T> {
         }
     }
 
+    /// The pump has it again to take, though its client is gone.
+    pub(super) fn put_back(&mut self) {
+        if let Phase::Sending(sender) = self.phase {
+            self.phase = Phase::Ready(sender);
+        }
+    }
+
     /// Whether the pump has it.
     pub(super) fn is_sending(&self) -> bool {
         matches!(self.phase, Phase::Sending(_))
