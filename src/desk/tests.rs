@@ -11,12 +11,12 @@ use crate::port::limits::PIPELINE;
 
 const LEASE: Duration = Duration::from_millis(250);
 
-fn desk() -> Desk {
+fn desk() -> Box<Desk> {
     let mut units = Units::default();
     (1..=16).for_each(|unit| units.insert(unit));
     let spec =
         BusSpec { units, queue_timeout: Duration::from_secs(3), reply_timeout: Duration::from_millis(500) };
-    let desk = Desk::new();
+    let desk = Box::new(Desk::new());
     desk.configure([spec], LEASE);
     desk
 }

@@ -19,7 +19,7 @@ use puente_line::Instant;
 
 use super::seats::Seats;
 use super::turn::{self, Which};
-use super::{BusImage, Desk, Permits, State, Units};
+use super::{BusImage, Desk, Modules, Permits, State, Units};
 use crate::bus::{Post, Taken, Undelivered};
 use heard::{Heard, Mark, Next};
 
@@ -219,7 +219,7 @@ impl Drop for Follower<'_> {
     }
 }
 
-impl Post for BusImage<'_> {
+impl Post for BusImage<'_, Modules> {
     fn outgoing(&self, now: Instant, take: impl FnOnce(&[u8]) -> Taken) {
         let ready = self.desk.with(|state| {
             let State { mail, seats, leases, .. } = state;

@@ -226,11 +226,6 @@ impl<'a, const NODES: usize, const CHANNELS: usize> Manager<'a, NODES, CHANNELS>
         if self.running && self.up { self.sync.poll(now) } else { None }
     }
 
-    /// When the next SYNC is due, for the same caller.
-    pub fn sync_at(&self) -> Option<Instant> {
-        self.sync.poll_at().filter(|_| self.running && self.up)
-    }
-
     /// What there is besides frames to be sent and bytes that are lacking for them: for a caller whose port takes nothing now.
     /// Not to ask costs blocks that are sent again, and events that are not told.
     pub fn report(&mut self, now: Instant) -> Option<Action> {
@@ -259,6 +254,11 @@ impl<'a, const NODES: usize, const CHANNELS: usize> Manager<'a, NODES, CHANNELS>
         let sent = sent.into_iter().flatten().chain(channels).filter(|_| self.up);
         let members = self.members.iter().filter_map(|managed| managed.poll_at(self.up));
         sent.chain(members).chain(self.lss.poll_at()).chain(self.babble.poll_at()).min()
+    }
+
+    /// When the next SYNC is due; a poll gives nothing else before it.
+    pub const fn sync_at(&self) -> Option<Instant> {
+        self.sync.poll_at()
     }
 
     fn member(&self, node: NodeId) -> Option<&Managed<'a>> {
