@@ -24,7 +24,7 @@ fn at(millis: u64) -> Instant {
 fn desk() -> Box<Desk> {
     let spec =
         BusSpec { units: Units::default(), queue_timeout: Duration::ZERO, reply_timeout: Duration::ZERO };
-    let desk = Box::new(Desk::new());
+    let desk = Box::new(const { Desk::new() });
     desk.configure([spec], LEASE);
     desk.add_cyclic(1, 0, Gains::new(0.5, 0.0, 0.0).expect("gains"));
     desk

@@ -12,7 +12,7 @@ use super::*;
 use crate::desk::{BusSpec, Holder};
 
 fn desk() -> Box<Desk> {
-    let desk = Box::new(Desk::new());
+    let desk = Box::new(const { Desk::new() });
     let spec =
         BusSpec { units: Units::default(), queue_timeout: Duration::ZERO, reply_timeout: Duration::ZERO };
     desk.configure([spec], Duration::from_millis(250));
