@@ -74,7 +74,7 @@ fn judge(frame: &Frame, master: &Own) {
 }
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| {
-    let mut operands = Operands::new(data);
+    let mut operands = Operands(data);
     let setting = operands.byte();
     let cyclic =
         [None, Some(Mode::InterpolatedPosition), Some(Mode::CyclicVelocity)][usize::from(setting % 3)];
@@ -88,7 +88,7 @@ libfuzzer_sys::fuzz_target!(|data: &[u8]| {
     let mut master: Own = Master::new(config, [2, 3].map(|id| Member::new(node(id))), axes, now);
     master.start(now);
     let mut asked = None;
-    while !operands.is_empty() {
+    while !operands.0.is_empty() {
         let what = operands.byte();
         now += Duration::from_micros(u64::from(what & 0x0F).pow(5));
         match what >> 4 {
