@@ -21,10 +21,10 @@ fn at(millis: u64) -> Instant {
 }
 
 /// A desk whose axis 1 is the only one of its only bus.
-fn desk() -> Desk {
+fn desk() -> Box<Desk> {
     let spec =
         BusSpec { units: Units::default(), queue_timeout: Duration::ZERO, reply_timeout: Duration::ZERO };
-    let desk = Desk::new();
+    let desk = Box::new(const { Desk::new() });
     desk.configure([spec], LEASE);
     desk.add_cyclic(1, 0, Gains::new(0.5, 0.0, 0.0).expect("gains"));
     desk
