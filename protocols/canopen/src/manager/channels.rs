@@ -19,7 +19,7 @@ impl<'a, const N: usize> Channels<'a, N> {
         Self { channels: [const { Channel::new() }; N], turn: 0, brought: 0 }
     }
 
-    /// Takes back what owes nothing any more.
+    /// Takes back those that owe nothing any more.
     pub fn release(&mut self, now: Instant) {
         self.channels.iter_mut().filter(|channel| channel.is_free(now)).for_each(Channel::release);
     }
@@ -29,21 +29,18 @@ impl<'a, const N: usize> Channels<'a, N> {
         self.channels.iter_mut().find(|channel| channel.node() == Some(node))
     }
 
-    /// A channel for `node`, with nothing in work: its own, or one that is free. Boots leave one to callers, and callers one to a
-    /// boot that `waits`, where there is more than one.
+    /// A channel for `node`, with nothing in work: its own, or one that is free. The first is never lent to a boot, the last not
+    /// to a caller while a boot `waits`, so that neither keeps the others out. A single one is a boot's while one waits.
     pub fn lend(&mut self, now: Instant, node: NodeId, boots: bool, waits: bool) -> Option<&mut Channel<'a>> {
-        let booting = self.channels.iter().filter(|channel| channel.boots()).count();
-        if boots && booting + 1 >= N.max(2) {
-            return None;
-        }
         if self.of(node).is_some() {
             return self.of(node).filter(|channel| !channel.is_busy());
         }
-        let mut free = self.channels.iter_mut().filter(|channel| channel.is_free(now));
-        let channel = free.next()?;
-        if !boots && waits && booting == 0 && free.next().is_none() {
-            return None;
-        }
+        let kept = match boots {
+            true => (N > 1).then_some(0),
+            false => waits.then_some(N.saturating_sub(1)),
+        };
+        let mut channels = self.channels.iter_mut().enumerate();
+        let (_, channel) = channels.find(|(at, channel)| Some(*at) != kept && channel.is_free(now))?;
         channel.lend(node);
         Some(channel)
     }

@@ -19,16 +19,16 @@ mod receive;
 mod table;
 mod transfers;
 mod types;
+mod work;
 
 use heapless::{Deque, Vec};
-use puente_line::{Instant, micros};
+use puente_line::Instant;
 
 use crate::emcy::Emergency;
 use crate::nmt::{Command, State};
 use crate::time::{self, TimeOfDay};
-use crate::{Frame, NodeId, boot::Verdict, cob, heartbeat, lss, sdo, sync};
+use crate::{Frame, NodeId, cob, heartbeat, lss, sdo, sync};
 use babble::Babble;
-use channel::Said;
 use channels::Channels;
 use member::Managed;
 pub use table::EMERGENCIES;
@@ -176,9 +176,13 @@ impl<'a, const NODES: usize, const CHANNELS: usize> Manager<'a, NODES, CHANNELS>
 
     /// The members, and all nodes that were ever heard.
     pub fn nodes(&self) -> impl Iterator<Item = (NodeId, Status)> {
-        NodeId::all()
-            .filter(|node| self.member(*node).is_some() || self.table.heard(*node).is_some())
-            .map(|node| (node, self.status(node)))
+        NodeId::all().filter_map(|node| Some((node, self.known(node)?)))
+    }
+
+    /// What is known of a member, or of a node that was ever heard.
+    pub fn known(&self, node: NodeId) -> Option<Status> {
+        let known = self.member(node).is_some() || self.table.heard(node).is_some();
+        known.then(|| self.status(node))
     }
 
     /// The last emergencies of a node, the newest last; resets of errors are among them.
@@ -207,15 +211,19 @@ impl<'a, const NODES: usize, const CHANNELS: usize> Manager<'a, NODES, CHANNELS>
             return Action::Idle;
         }
         self.elapse(now);
-        if self.up
-            && let Some(frame) = self.sync.poll(now)
-        {
+        if let Some(frame) = self.sync(now) {
             return Action::Transmit(frame);
         }
         if let Some(action) = self.told(now) {
             return action;
         }
         if self.up { self.transmit(now).unwrap_or(Action::Idle) } else { Action::Idle }
+    }
+
+    /// The SYNC that is due, alone: for a caller whose port keeps a place for it. Frames that wait in a port for others of higher
+    /// priority would hold it up.
+    pub fn sync(&mut self, now: Instant) -> Option<Frame> {
+        if self.running && self.up { self.sync.poll(now) } else { None }
     }
 
     /// What there is besides frames to be sent and bytes that are lacking for them: for a caller whose port takes nothing now.
@@ -248,6 +256,11 @@ impl<'a, const NODES: usize, const CHANNELS: usize> Manager<'a, NODES, CHANNELS>
         sent.chain(members).chain(self.lss.poll_at()).chain(self.babble.poll_at()).min()
     }
 
+    /// When the next SYNC is due; a poll gives nothing else before it.
+    pub const fn sync_at(&self) -> Option<Instant> {
+        self.sync.poll_at()
+    }
+
     fn member(&self, node: NodeId) -> Option<&Managed<'a>> {
         self.members.iter().find(|managed| managed.member.id == node)
     }
@@ -255,153 +268,4 @@ impl<'a, const NODES: usize, const CHANNELS: usize> Manager<'a, NODES, CHANNELS>
     fn member_mut(&mut self, node: NodeId) -> Option<&mut Managed<'a>> {
         self.members.iter_mut().find(|managed| managed.member.id == node)
     }
-
-    /// What the time has brought about.
-    fn elapse(&mut self, now: Instant) {
-        self.babble.elapse(now);
-        self.channels.release(now);
-        self.listen(now);
-        if self.up {
-            self.boot(now);
-        } else {
-            // What cannot be sent is not sent later.
-            for managed in &mut self.members {
-                let _ = managed.monitor.request(now);
-            }
-        }
-    }
-
-    /// Begins with the members that are due, in turn.
-    fn boot(&mut self, now: Instant) {
-        let count = self.members.len();
-        for offset in 0..count {
-            let at = (self.turn + offset) % count;
-            let Some(managed) = self.members.get_mut(at).filter(|managed| managed.is_due(now)) else {
-                continue;
-            };
-            let Some(channel) = self.channels.lend(now, managed.member.id, true, true) else {
-                managed.wait();
-                continue;
-            };
-            if managed.try_now() {
-                channel.boot(managed.member.plan, self.config.sdo);
-            } else {
-                channel.probe(managed.member.plan, self.config.sdo);
-            }
-            self.turn = (at + 1) % count;
-        }
-    }
-
-    /// What there is to tell.
-    fn told(&mut self, now: Instant) -> Option<Action> {
-        if let Some(event) = self.bus_events.pop_front().or_else(|| self.babble.event()) {
-            return Some(Action::Bus(event));
-        }
-        if let Some((node, event)) = self.events.pop_front() {
-            return Some(Action::Node(node, event));
-        }
-        if let Some(end) = self.lss.outcome(now) {
-            return Some(Action::Lss(end));
-        }
-        // Each round ends a step of a boot.
-        while let Some((node, said)) = self.channels.brought(now, !self.commands.is_full()) {
-            if let Some(action) = self.said(now, node, said) {
-                return Some(action);
-            }
-        }
-        None
-    }
-
-    /// The next frame.
-    fn transmit(&mut self, now: Instant) -> Option<Action> {
-        if let Some((command, node)) = self.commands.pop_front() {
-            self.commanded(now, command, node);
-            return Some(Action::Transmit(command.frame(node)));
-        }
-        let time = self.clock.and_then(|(at, time)| {
-            TimeOfDay::from_unix_millis(time.to_unix_millis().saturating_add(micros(now.since(at)) / 1_000))
-        });
-        let own = self.heartbeat.poll(now).or_else(|| self.time.poll(now, time));
-        if let Some(frame) = own.or_else(|| self.guard(now)) {
-            return Some(Action::Transmit(frame));
-        }
-        if let lss::Action::Transmit(frame) = self.lss.poll(now) {
-            return Some(Action::Transmit(frame));
-        }
-        let (node, said) = self.channels.poll(now)?;
-        self.said(now, node, said)
-    }
-
-    /// The next question of guarding.
-    fn guard(&mut self, now: Instant) -> Option<Frame> {
-        let count = self.members.len();
-        for offset in 0..count {
-            let at = (self.turn + offset) % count;
-            if let Some(managed) = self.members.get_mut(at)
-                && let Some(frame) = managed.monitor.request(now)
-            {
-                self.table.guard(managed.member.id);
-                return Some(frame);
-            }
-        }
-        None
-    }
-
-    /// What a channel has said.
-    fn said(&mut self, now: Instant, node: NodeId, said: Said) -> Option<Action> {
-        let next = now + self.config.retry;
-        let event = match said {
-            Said::Frame(frame) => return Some(Action::Transmit(frame)),
-            Said::Sdo(sdo) => {
-                if let Sdo::Done(end) = &sdo {
-                    self.table.transferred(node, owes(*end));
-                }
-                return Some(Action::Sdo(node, sdo));
-            }
-            Said::Command(command) => {
-                let _ = self.commands.push_back((command, Some(node)));
-                return None;
-            }
-            Said::Present => {
-                let managed = self.member_mut(node)?;
-                // It came back while it was asked.
-                if managed.is_booted() {
-                    self.channels.of(node)?.leave(now);
-                } else {
-                    managed.present();
-                }
-                return None;
-            }
-            Said::Booted => {
-                self.table.transferred(node, false);
-                self.counters.booted = self.counters.booted.wrapping_add(1);
-                self.member_mut(node)?.booted(now);
-                Event::Booted
-            }
-            Said::NotBooted(verdict) => {
-                let failed = match verdict {
-                    Verdict::Failed { failure, .. } => owes(Err(failure)),
-                    _ => false,
-                };
-                self.table.transferred(node, failed);
-                if !self.member_mut(node)?.refused(verdict, next) {
-                    return None;
-                }
-                Event::NotBooted(verdict)
-            }
-            Said::Absent => {
-                self.table.transferred(node, true);
-                if !self.member_mut(node)?.absent(next) {
-                    return None;
-                }
-                Event::Missing
-            }
-        };
-        Some(Action::Node(node, event))
-    }
-}
-
-/// Whether responses of a transfer that ended like this may still come.
-const fn owes(end: Result<sdo::Outcome, sdo::Failure>) -> bool {
-    !matches!(end, Ok(_) | Err(sdo::Failure::Aborted(_) | sdo::Failure::Booted))
 }

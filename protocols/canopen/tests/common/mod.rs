@@ -1,6 +1,7 @@
 //! What the tests share.
 #![allow(dead_code)]
 
+pub mod bus;
 pub mod channel;
 pub mod objects;
 pub mod server;

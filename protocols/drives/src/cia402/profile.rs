@@ -38,6 +38,8 @@ pub struct Profile {
     pub interpolation: Interpolation,
     /// Its PDOs must be switched on after each boot.
     pub pdos_off: bool,
+    /// Its transmit PDOs have event timers (sub-index 5).
+    pub event_timers: bool,
 }
 
 /// Thesis, table 1: the receive PDOs of CiA 402.
@@ -57,7 +59,7 @@ const TRANSMIT: PdoSet = [
 ];
 
 impl Profile {
-    /// Lexium 23A of Schneider Electric. Its interpolation is *assumed* to be that of the standard.
+    /// Lexium 23A of Schneider Electric. Its interpolation and its event timers are *assumed* to be those of the standard.
     pub const LEXIUM_23A: Self = Self {
         name: "lexium23a",
         modes: &[
@@ -72,6 +74,7 @@ impl Profile {
         transmit: TRANSMIT,
         interpolation: Interpolation { submode: 0, says_relative: false, period_needs_reset: false },
         pdos_off: true,
+        event_timers: true,
     };
 
     /// CMMS-AS of Festo. All of it is *assumed*: from the manuals of the CMMP-AS.
@@ -88,6 +91,7 @@ impl Profile {
         transmit: TRANSMIT,
         interpolation: Interpolation { submode: -2, says_relative: true, period_needs_reset: true },
         pdos_off: true,
+        event_timers: false,
     };
 
     /// Any drive of CiA 402; 6502h says what modes it has.
@@ -108,6 +112,7 @@ impl Profile {
         transmit: TRANSMIT,
         interpolation: Interpolation { submode: 0, says_relative: false, period_needs_reset: false },
         pdos_off: false,
+        event_timers: true,
     };
 
     /// All of them.
