@@ -67,11 +67,9 @@ impl Drive {
         let new = Controlword::MODE_4;
         match self.mode {
             Mode::ProfilePosition if rising & new != 0 => self.take_set_point(objects),
-            Mode::InterpolatedPosition => {
-                if (rising | falling) & new != 0 {
-                    self.active = rising & new != 0;
-                    self.go(Course::stop(self.demanded(), self.limits(objects).deceleration));
-                }
+            Mode::InterpolatedPosition if (rising | falling) & new != 0 => {
+                self.active = rising & new != 0;
+                self.go(Course::stop(self.demanded(), self.limits(objects).deceleration));
             }
             Mode::Homing if rising & new != 0 => self.start_homing(objects),
             Mode::Homing if falling & new != 0 => self.interrupt_homing(objects),
