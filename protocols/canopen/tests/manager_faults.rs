@@ -226,6 +226,19 @@ fn missing_members_leave_a_channel_to_callers() {
         bus.run(150);
     }
     assert_eq!(bus.done.len(), 20);
+    // A refused one can be asked why, however many others are tried.
+    bus.nodes.push(Node::new(12));
+    bus.node(12).server.objects.insert((0x1018, 4), vec![0; 4]);
+    bus.run(30_000);
+    bus.done.clear();
+    let asks = (0..400).filter(|_| {
+        let _ =
+            bus.manager.submit(bus.now, node(12), Transfer::Upload { address: object::SERIAL, block: false });
+        bus.run(25);
+        bus.done.drain(..).any(|(of, end)| of == 12 && end.is_ok())
+    });
+    let asks = asks.count();
+    assert!(asks > 350, "{asks} of 400");
     // And callers leave one to members, even if they ask whenever they may.
     bus.nodes.push(Node::new(15));
     let (mut busy, mut at) = (0, 0);

@@ -44,7 +44,9 @@ use channels::Channels;
 use member::Managed;
 pub use table::EMERGENCIES;
 use table::Table;
-pub use types::{Action, BusEvent, Config, Counters, Event, Evidence, Health, Member, Sdo, Status, Unsent};
+pub use types::{
+    Action, BusEvent, Config, Counters, Event, Evidence, Health, Member, Sdo, Status, Unsent, babble_limit,
+};
 
 /// NMT commands that may wait.
 const COMMANDS: usize = 16;

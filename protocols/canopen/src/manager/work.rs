@@ -4,6 +4,7 @@ use puente_line::{Instant, micros};
 
 use super::Manager;
 use super::channel::Said;
+use super::channels::Borrower;
 use super::types::{Action, Event, Sdo};
 use crate::boot::Verdict;
 use crate::time::TimeOfDay;
@@ -34,7 +35,7 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
             let Some(managed) = self.members.get_mut(at).filter(|managed| managed.is_due(now)) else {
                 continue;
             };
-            let Some(channel) = self.channels.lend(now, managed.member.id, true, true) else {
+            let Some(channel) = self.channels.lend(now, managed.member.id, Borrower::Boot) else {
                 managed.wait();
                 continue;
             };
