@@ -86,13 +86,6 @@ impl Exchange for CanBus<'_> {
         });
     }
 
-    async fn changed(&self) {
-        match self.desk.work.get(usize::from(self.bus)) {
-            Some(signal) => signal.wait().await,
-            None => core::future::pending().await,
-        }
-    }
-
     fn fetch(&self, node: NodeId, offset: u32, count: usize, f: impl FnOnce(&[u8])) {
         self.desk.with(|state| state.can.transfers.fetch(self.bus, node, offset, count, f));
     }
@@ -138,13 +131,5 @@ impl Exchange for CanBus<'_> {
 
     fn counted(&self, port: CanCounters, manager: Counters) {
         self.on_bus(|bus| bus.counted.counters(port, manager));
-    }
-
-    fn alive(&self, until: Instant) {
-        self.desk.with(|state| {
-            if let Some(bus) = state.buses.get_mut(usize::from(self.bus)) {
-                bus.alive_until = Some(until);
-            }
-        });
     }
 }
