@@ -35,7 +35,7 @@ pub use can::{
     SdoPending, SdoTransfer, What,
 };
 pub use duty::Duty;
-pub use image::{BusImage, Feedback, Input, Kind, Modules, Motion, View, Wish, at_rest};
+pub use image::{BusImage, Feedback, Input, Kind, Modules, Motion, Servos, View, Wish, at_rest};
 pub use lease::{Cause, Event, Holder, Leased, Permit};
 pub use mail::{Follower, Frame, MailStatistics, Turn};
 pub use pending::Pending;
