@@ -1,5 +1,7 @@
 //! What the settings say of CANopen buses, as those take it who work with it.
 
+use core::marker::PhantomData;
+
 use heapless::Vec;
 use puente_canopen::boot::{Plan, Signs};
 use puente_canopen::dcf::{self, Entry, List};
@@ -7,15 +9,15 @@ use puente_canopen::lss::Known;
 use puente_canopen::manager::{Config, Member};
 use puente_canopen::monitor::Supervision;
 use puente_canopen::{NodeId, sdo, sync};
-use puente_drives::cia402::object::{HOMING_ACCELERATION, MAX_PROFILE_VELOCITY};
 use puente_drives::cia402::homing::Method;
+use puente_drives::cia402::object::{HOMING_ACCELERATION, MAX_PROFILE_VELOCITY};
 use puente_line::Duration;
 use puente_servos::{Axis, Homing, setup};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use super::{DESK, millis};
 use crate::bus::canopen::{Room, Setup};
-use crate::desk::{CanBus, CanSpec};
+use crate::desk::{BusImage, CanBus, CanSpec, Servos};
 use crate::port::limits::{AXES, CANOPEN, NODES, WRITES};
 use crate::settings::{self, AXIS_HEARTBEAT_MS, Bus, Canopen, Cia402, Drive, Node, Settings};
 
@@ -47,12 +49,25 @@ pub(super) fn add(settings: &Settings) {
     }
 }
 
+/// What the pump of a CANopen bus works with.
+pub struct Parts {
+    /// Clients,
+    pub clients: CanBus<'static>,
+    /// axes,
+    pub image: BusImage<'static, Servos>,
+    /// and how it works.
+    pub setup: Setup,
+}
+
 /// What the pump of a CANopen bus works with; none where the bus is none.
-pub fn canopen(settings: &Settings, index: u8) -> Option<(CanBus<'static>, Setup)> {
-    let canopen = settings.buses.get(usize::from(index))?.canopen()?;
-    let bus = CanBus::new(&DESK, index)?;
-    let room = bus.room()?;
-    Some((bus, Setup { room, sdo_timeout: millis(canopen.sdo_timeout_ms.into()) }))
+pub fn canopen(settings: &Settings, index: u8) -> Option<Parts> {
+    let bus = settings.buses.get(usize::from(index))?;
+    let canopen = bus.canopen()?;
+    let clients = CanBus::new(&DESK, index)?;
+    let room = clients.room()?;
+    let axes = axes_of(settings, bus).map(|(id, ..)| id).collect();
+    let image = BusImage { desk: &DESK, bus: index, axes, kind: PhantomData };
+    Some(Parts { clients, image, setup: Setup { room, sdo_timeout: millis(canopen.sdo_timeout_ms.into()) } })
 }
 
 fn config(node: NodeId, canopen: &Canopen) -> Config {
@@ -111,7 +126,8 @@ fn member(
     sync: Duration,
     lists: &mut &'static mut [u8],
 ) -> Option<Member<'static>> {
-    let heartbeat = node.heartbeat_ms.or_else(|| (axis.is_some() && node.guard_ms == 0).then_some(AXIS_HEARTBEAT_MS));
+    let heartbeat =
+        node.heartbeat_ms.or_else(|| (axis.is_some() && node.guard_ms == 0).then_some(AXIS_HEARTBEAT_MS));
     let (signs, supervision) = match (node.guard_ms, heartbeat) {
         (0, None) => (Signs::Unchanged, Supervision::Off),
         (0, Some(0)) => (Signs::Heartbeat(0), Supervision::Off),
@@ -175,7 +191,8 @@ fn writes(
     if let Some(drive) = drive(axis, cia402) {
         setup::push(list, &drive, sync)?;
     }
-    let own = [(HOMING_ACCELERATION, cia402.homing_acceleration), (MAX_PROFILE_VELOCITY, cia402.max_velocity)];
+    let own =
+        [(HOMING_ACCELERATION, cia402.homing_acceleration), (MAX_PROFILE_VELOCITY, cia402.max_velocity)];
     for (object, value) in own {
         if let Some(value) = value {
             dcf::push(list, Entry { address: object.address, data: &value.to_le_bytes() })?;

@@ -36,12 +36,7 @@ pub struct Setup {
 }
 
 /// Works the manager of a bus, for ever.
-pub async fn pump(
-    port: &mut impl CanPort,
-    setup: Setup,
-    clients: &impl Exchange,
-    drives: &impl Drives,
-) -> ! {
+pub async fn pump(port: &mut impl CanPort, setup: Setup, clients: &impl Exchange, drives: &impl Drives) -> ! {
     let (mut reader, mut writer) = port.split();
     let mut pump = Pump { setup, clients, drives, up: false, urgent: None, frame: None };
     loop {

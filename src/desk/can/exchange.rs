@@ -5,7 +5,7 @@ use puente_canopen::{Frame, NodeId, lss, sdo};
 use puente_line::Instant;
 
 use super::{Bus, Origin, What};
-use crate::bus::canopen::{Exchange, Order};
+use crate::bus::canopen::{Exchange, Order, Room};
 use crate::bus::{Taken, Undelivered};
 use crate::desk::{Desk, State};
 use crate::port::{CanCounters, CanState};
@@ -23,6 +23,11 @@ impl<'d> CanBus<'d> {
     pub fn new(desk: &'d Desk, bus: u8) -> Option<Self> {
         let place = desk.with(|state| state.can.place(bus))?;
         Some(Self { desk, bus, place })
+    }
+
+    /// Where its manager lives.
+    pub fn room(&self) -> Option<&'static Room> {
+        self.desk.with(|state| state.can.room(self.bus))
     }
 
     fn on_bus(&self, f: impl FnOnce(&mut Bus)) {
