@@ -4,6 +4,7 @@ use puente_line::{Instant, micros};
 
 use super::Manager;
 use super::channel::Said;
+use super::channels::Borrower;
 use super::types::{Action, Event, Sdo};
 use crate::boot::Verdict;
 use crate::time::TimeOfDay;
@@ -13,11 +14,9 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
     /// What the time has brought about.
     pub(super) fn elapse(&mut self, now: Instant) {
         self.babble.elapse(now);
-        self.channels.release(now);
         self.listen(now);
-        if self.up {
-            self.boot(now);
-        } else {
+        self.boot(now);
+        if !self.up {
             // What cannot be sent is not sent later.
             for managed in &mut self.members {
                 let _ = managed.monitor.request(now);
@@ -27,13 +26,16 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
 
     /// Begins with the members that are due, in turn.
     fn boot(&mut self, now: Instant) {
-        let count = self.members.len();
+        if !self.up {
+            return;
+        }
+        let (count, turn) = (self.members.len(), self.turn);
         for offset in 0..count {
-            let at = (self.turn + offset) % count;
+            let at = (turn + offset) % count;
             let Some(managed) = self.members.get_mut(at).filter(|managed| managed.is_due(now)) else {
                 continue;
             };
-            let Some(channel) = self.channels.lend(now, managed.member.id, true, true) else {
+            let Some(channel) = self.channels.lend(now, managed.member.id, Borrower::Boot) else {
                 managed.wait();
                 continue;
             };
@@ -57,12 +59,14 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
         if let Some(end) = self.lss.outcome(now) {
             return Some(Action::Lss(end));
         }
-        // Each round ends a step of a boot.
+        // Each round ends a step of a boot, and may free its channel.
         while let Some((node, said)) = self.channels.brought(now, !self.commands.is_full()) {
             if let Some(action) = self.said(now, node, said) {
                 return Some(action);
             }
+            self.boot(now);
         }
+        self.channels.release(now);
         None
     }
 
@@ -104,11 +108,12 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
     /// What a channel has said.
     fn said(&mut self, now: Instant, node: NodeId, said: Said) -> Option<Action> {
         let next = now + self.config.retry;
+        let repeated = self.channels.of(node).is_some_and(|channel| channel.has_repeated());
         let event = match said {
             Said::Frame(frame) => return Some(Action::Transmit(frame)),
             Said::Sdo(sdo) => {
                 if let Sdo::Done(end) = &sdo {
-                    self.table.transferred(node, owes(*end));
+                    self.table.transferred(node, repeated || owes(*end));
                 }
                 return Some(Action::Sdo(node, sdo));
             }
@@ -127,7 +132,7 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
                 return None;
             }
             Said::Booted => {
-                self.table.transferred(node, false);
+                self.table.transferred(node, repeated);
                 self.counters.booted = self.counters.booted.wrapping_add(1);
                 self.member_mut(node)?.booted(now);
                 Event::Booted
@@ -137,7 +142,7 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
                     Verdict::Failed { failure, .. } => owes(Err(failure)),
                     _ => false,
                 };
-                self.table.transferred(node, failed);
+                self.table.transferred(node, repeated || failed);
                 if !self.member_mut(node)?.refused(verdict, next) {
                     return None;
                 }
