@@ -6,7 +6,7 @@ use heapless::Vec;
 use puente_canopen::boot::{Plan, Signs};
 use puente_canopen::dcf::{self, Entry, List};
 use puente_canopen::lss::Known;
-use puente_canopen::manager::{Config, Member};
+use puente_canopen::manager::{Config, Member, babble_limit};
 use puente_canopen::monitor::Supervision;
 use puente_canopen::{NodeId, sdo, sync};
 use puente_drives::cia402::homing::Method;
@@ -77,6 +77,7 @@ fn config(node: NodeId, canopen: &Canopen) -> Config {
         overflow: sync::Overflow::new(canopen.sync_overflow),
         heartbeat: millis(canopen.heartbeat_ms.into()),
         sdo: sdo::Config { timeout: millis(canopen.sdo_timeout_ms.into()), ..sdo::Config::DEFAULT },
+        babble: babble_limit(canopen.bitrate),
         ..Config::new(node)
     }
 }
