@@ -30,7 +30,9 @@ pub struct Config {
     pub sdo: sdo::Config,
     /// An LSS node answers within so long.
     pub lss: Duration,
-    /// A member that is missing, lost or refused is tried again so often.
+    /// A member that is missing or lost is tried again so often; one that is refused, or leaves its state after it was
+    /// configured, after so long, then after twice that, up to 64 times: there are drives that keep each value written to them
+    /// in a memory that wears.
     pub retry: Duration,
     /// Somebody babbles when more frames than this of one COB-ID come within 100 ms, see [`babble_limit`]; 0: nobody does.
     /// More than SYNC and the PDOs that come with it.
