@@ -27,7 +27,7 @@ use puente_line::{Duration, Instant};
 use puente_modbus::Evidence;
 
 pub use duty::Duty;
-pub use image::{BusImage, Input, View, Wish, at_rest};
+pub use image::{BusImage, Feedback, Input, Kind, Modules, Motion, View, Wish, at_rest};
 pub use lease::{Cause, Event, Holder, Leased, Permit};
 pub use mail::{Follower, Frame, MailStatistics, Permits, Turn};
 pub use pending::Pending;

@@ -22,7 +22,7 @@ use puente_line::Instant;
 pub use turn::Turn;
 
 use super::lease::AxisLease;
-use super::{BusImage, Desk, Permit, Units};
+use super::{BusImage, Desk, Modules, Permit, Units};
 use crate::bus::{Post, Taken, Undelivered};
 use crate::port::limits::{AXES, SLOTS};
 use heard::{Heard, Mark, Next};
@@ -263,7 +263,7 @@ impl Drop for Follower<'_> {
     }
 }
 
-impl Post for BusImage<'_> {
+impl Post for BusImage<'_, Modules> {
     fn outgoing(&self, now: Instant, take: impl FnOnce(&[u8]) -> Taken) {
         let ready =
             self.desk.with(|state| state.mail.bus == Some(self.bus) && state.mail.take(&state.leases, now));
