@@ -33,7 +33,13 @@ pub struct Adapter<B> {
 impl<B: Bus> Adapter<B> {
     /// An adapter on a wire.
     pub fn wire(bus: B) -> Wire<Self> {
-        Wire::new(Self { bus, frames: Vec::new(), lines: Lines::new(), open: false, replies: VecDeque::new() })
+        Wire::new(Self {
+            bus,
+            frames: Vec::new(),
+            lines: Lines::new(),
+            open: false,
+            replies: VecDeque::new(),
+        })
     }
 }
 
