@@ -212,7 +212,7 @@ fn without_a_can_bus_there_is_no_network() {
 #[test]
 fn node_ids_are_given_over_the_bus() {
     let identity = Identity { vendor: 0x0179, product: 2, revision: 0x0001_0000, serial: 0xABCD };
-    let (adapter, gateway) = rig(|nodes| Nodes { slave: Some(Slave::new(identity)), ..nodes });
+    let (adapter, gateway) = rig(|nodes| nodes.with_slave(Slave::new(identity)));
     let who = "0x00000179 0x00000002 0x00010000 0x0000ABCD";
     let mut client = Lines::connect(gateway.main);
     for (command, reply) in [

@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use puente_canopen::lss::{self, Identity, Part};
-use puente_canopen::sdo::Abort;
-use puente_canopen::sdo::server::{Dictionary, Server};
+
+use puente_canopen::sdo::{Abort, Dictionary, Server};
 use puente_canopen::{Address, Frame, Id, NodeId};
 use puente_line::Instant;
 use puente_slcan::{Command, Flags, Lines, Reply};
@@ -108,6 +108,11 @@ impl Nodes {
     pub fn with(mut self, id: u8, objects: Objects) -> Self {
         self.nodes.push((Server::new(node(id)), objects));
         self
+    }
+
+    /// With a node that is configured over the bus.
+    pub fn with_slave(self, slave: Slave) -> Self {
+        Self { slave: Some(slave), ..self }
     }
 
     /// The objects of a node, by its place.

@@ -57,7 +57,7 @@ impl Client<'_> {
     fn red(&self, bus: u8) -> Lamp {
         match self.gateway.desk.can_statistics(clock::now(), bus).map(|statistics| statistics.state) {
             None | Some(CanState::Off | CanState::Down) => Lamp::On,
-            _ if self.gateway.desk.any_node(bus, |status| matches!(status.health, Health::Lost)) => {
+            _ if self.gateway.desk.nodes(bus).any(|(_, status)| status.health == Health::Lost) => {
                 Lamp::Double
             }
             Some(CanState::Warning | CanState::Passive) => Lamp::Single,
