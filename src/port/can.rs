@@ -88,6 +88,17 @@ impl CanState {
         }
     }
 
+    /// In a word.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Active => "active",
+            Self::Warning => "warning",
+            Self::Passive => "passive",
+            Self::Off => "off",
+            Self::Down => "down",
+        }
+    }
+
     /// Whether frames can be sent.
     pub const fn sends(self) -> bool {
         !matches!(self, Self::Off | Self::Down)

@@ -107,7 +107,7 @@ pub(super) fn bus(gateway: &Gateway, bus: u8, reply: &mut Reply) {
     match protocol {
         Protocol::ModbusRtu(_) | Protocol::ModbusAscii(_) => modbus(gateway, bus, reply),
         Protocol::Framed(framed) => self::framed(gateway, bus, framed, reply),
-        Protocol::Canopen(canopen) => self::canopen(canopen, reply),
+        Protocol::Canopen(canopen) => self::canopen(gateway, bus, canopen, reply),
     }
 }
 
@@ -164,9 +164,41 @@ fn framed(gateway: &Gateway, bus: u8, framed: &settings::Framed, reply: &mut Rep
     }
 }
 
-fn canopen(canopen: &settings::Canopen, reply: &mut Reply) {
+fn canopen(gateway: &Gateway, bus: u8, canopen: &settings::Canopen, reply: &mut Reply) {
     let settings::Canopen { bitrate, node, net, sync_us, .. } = canopen;
     say(reply, format_args!(" bitrate={bitrate} node={node} net={net} sync_us={sync_us}"));
+    let Some(counted) = gateway.desk.can_statistics(clock::now(), bus) else { return };
+    let (port, manager) = (&counted.port, &counted.manager);
+    say(
+        reply,
+        format_args!(
+            " state={} load_permille={} tx_errors={} rx_errors={} bus_offs={} received={} sent={} not_received={} not_sent={}",
+            counted.state.name(),
+            counted.load_permille,
+            port.tx_errors,
+            port.rx_errors,
+            port.bus_offs,
+            counted.received,
+            counted.sent,
+            port.lost,
+            counted.undelivered,
+        ),
+    );
+    say(
+        reply,
+        format_args!(
+            " nodes={} booted={} emergencies={} sync_missed={} sdo={} sdo_aborted={} sdo_timeouts={} waiting={} lost={}",
+            gateway.desk.nodes(bus).count(),
+            manager.booted,
+            manager.emergencies,
+            manager.sync_missed,
+            manager.sdo.transfers,
+            manager.sdo.aborted,
+            manager.sdo.timeouts,
+            counted.waiting,
+            counted.lost,
+        ),
+    );
 }
 
 fn modbus(gateway: &Gateway, bus: u8, reply: &mut Reply) {

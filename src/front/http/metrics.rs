@@ -1,5 +1,6 @@
 //! What is measured, as text for Prometheus (exposition format 0.0.4).
 
+mod can;
 mod cyclic;
 
 use core::fmt;
@@ -116,6 +117,7 @@ pub(super) async fn send<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) 
     buses(gateway, reply).await?;
     latency(gateway, reply).await?;
     cyclic::send(gateway, reply).await?;
+    can::send(gateway, reply).await?;
     packets(gateway, reply).await?;
     axes(gateway, reply).await?;
     reply.finish().await
@@ -123,6 +125,24 @@ pub(super) async fn send<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) 
 
 async fn family<W: Write>(reply: &mut Reply<'_, W>, name: &str, kind: &str, help: &str) -> Result<(), End> {
     reply.put(format_args!("# HELP {name} {help}\n# TYPE {name} {kind}\n")).await
+}
+
+/// What was counted of events on several buses.
+async fn events<'b, T, W: Write>(
+    reply: &mut Reply<'_, W>,
+    name: &str,
+    help: &str,
+    buses: impl Iterator<Item = (&'b str, T)>,
+    counts: &[Count<T>],
+) -> Result<(), End> {
+    family(reply, name, "counter", help).await?;
+    for (bus, counted) in buses {
+        for (event, count) in counts {
+            let count = count(&counted);
+            reply.put(format_args!("{name}{{bus=\"{bus}\",event=\"{event}\"}} {count}\n")).await?;
+        }
+    }
+    Ok(())
 }
 
 async fn single<W: Write>(
