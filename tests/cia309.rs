@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::can::{Adapter, Nodes, Objects, Slave};
+use common::can::{Adapter, Nodes, Objects, Slave, await_open};
 use common::client::Lines;
 use common::wire::Wire;
 use common::{Document, Gateway};
@@ -34,6 +34,7 @@ fn objects() -> Objects {
 fn rig(more: impl FnOnce(Nodes) -> Nodes) -> (Wire<Adapter<Nodes>>, Gateway) {
     let adapter = Adapter::wire(more(Nodes::default().with(4, objects()).with(5, objects())));
     let gateway = Document::new().canopen("can", &adapter, "heartbeat_ms = 0").start();
+    await_open(&gateway);
     (adapter, gateway)
 }
 
@@ -134,8 +135,9 @@ fn help_lamps_and_log_are_shown() {
     assert_eq!(client.ask("# a comment"), "");
     assert_eq!(client.ask(""), "");
     // The lamps end with a carriage return, and go on until the next command.
-    let lamps = client.ask("[2] led\r\n[3] 4 r 0x1017 0 u16");
-    assert!(lamps.starts_with(" CANopen status LEDs: R") && lamps.ends_with("[3] 1000"), "{lamps:?}");
+    client.send("[2] led");
+    assert_eq!(client.until_return(), " CANopen status LEDs: R  G*        ");
+    assert_eq!(client.ask("[3] 4 r 0x1017 0 u16").trim_start(), "[3] 1000");
     adapter.device().bus.say(0x85, &[0x30, 0x81, 0x11, 1, 2, 3, 4, 5]);
     common::until("an emergency is in the log", || {
         let log = client.ask("[4] log");
@@ -267,6 +269,7 @@ fn three_clients_read_1000_objects_each_and_none_is_lost_or_mixed() {
     let nodes = (1..=3).fold(Nodes::default(), |nodes, id| nodes.with(id as u8, objects(id)));
     let adapter = Adapter::wire(nodes);
     let gateway = Document::new().canopen("can", &adapter, "heartbeat_ms = 0").start();
+    await_open(&gateway);
     std::thread::scope(|scope| {
         for client in 0..3 {
             let mut lines = Lines::connect(gateway.main);

@@ -156,8 +156,8 @@ fn take_line<'g, R: Read>(
             (length, console::begin(gateway, guest, gone, line, reply).map(Line::Console))
         }
     };
-    // The value of a write is what is left of its line, whole or not.
-    *skipping = !whole && read == length;
+    // A task takes what is left of its line.
+    *skipping = !whole && task.is_none();
     inbox.consume(read);
     task.unwrap_or(Line::Done)
 }

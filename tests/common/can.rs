@@ -9,7 +9,9 @@ use puente_canopen::{Address, Frame, Id, NodeId};
 use puente_line::Instant;
 use puente_slcan::{Command, Flags, Lines, Reply};
 
+use super::client;
 use super::wire::{Device, Wire};
+use super::{Gateway, until};
 
 /// What is on a CAN bus besides the gateway.
 pub trait Bus: Send + 'static {
@@ -93,6 +95,13 @@ impl<B: Bus> Device for Adapter<B> {
     fn requests(&mut self) -> Vec<(Instant, u8, Vec<u8>)> {
         Vec::new()
     }
+}
+
+/// Waits until a gateway has opened the adapter of its network 1.
+pub fn await_open(gateway: &Gateway) {
+    let mut client = client::Lines::connect(gateway.main);
+    // It is answered by nobody.
+    until("the adapter is open", || client.ask("[0] 1 lss_switch_glob 0") == "[0] OK");
 }
 
 /// Nodes with an object dictionary each, and one without node-ID where there is one.

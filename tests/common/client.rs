@@ -193,6 +193,15 @@ impl Lines {
         line.trim_end().to_owned()
     }
 
+    /// What comes to the next carriage return, without it.
+    #[track_caller]
+    pub fn until_return(&mut self) -> String {
+        let mut text = Vec::new();
+        self.stream.read_until(b'\r', &mut text).expect("a text");
+        assert_eq!(text.pop(), Some(b'\r'));
+        String::from_utf8(text).expect("text")
+    }
+
     #[track_caller]
     pub fn ask(&mut self, text: &str) -> String {
         self.send(text);

@@ -16,7 +16,7 @@ use puente_canopen::{Address, Frame, NodeId, nmt};
 use puente_cia309::command::{Lss, Setting};
 use puente_cia309::reply::Answer;
 use puente_cia309::value::DataType;
-use puente_cia309::{Command, Error, Reply as Response, Session};
+use puente_cia309::{Command, Error, Reply as Response, Request, Session};
 use puente_frametext::Mode;
 
 use super::inbox::Inbox;
@@ -107,6 +107,9 @@ impl<'g> Client<'g> {
             }
             Ok(Some(request)) if !whole && !matches!(request.command, Command::Write { .. }) => {
                 (request.sequence, Err(Error::Syntax))
+            }
+            Ok(Some(Request { sequence, command: Command::Write { value: [], .. }, .. })) if whole => {
+                (sequence, Err(Error::Syntax))
             }
             Ok(Some(request)) => {
                 let bus = request.net.and_then(|net| self.gateway.can_bus(net));
