@@ -5,12 +5,13 @@ use core::fmt::Write;
 use puente_drives::pid::State;
 use puente_framed::arbiter;
 use puente_line::{Instant, micros, millis};
+use puente_servos::Progress;
 
 use super::super::Gateway;
 use super::super::lines::Reply;
 use super::say;
 use crate::axis::edb::{self, Jog};
-use crate::axis::{Known, Snapshot, pid};
+use crate::axis::{Known, Snapshot, cia402, pid};
 use crate::clock;
 use crate::desk::{Event, Holder, View};
 use crate::settings::{self, Protocol};
@@ -27,8 +28,12 @@ pub(super) fn axis(gateway: &Gateway, id: u8, snapshot: &Snapshot, reply: &mut R
             lease.inspect(|lease| self::lease(lease, reply));
             event.inspect(|event| self::event(now, event, reply));
         }
-        Snapshot::Pid(view) => {
-            pid(now, view, reply);
+        Snapshot::Pid(_) | Snapshot::Cia402(_) => {
+            match snapshot {
+                Snapshot::Pid(view) => pid(now, view, reply),
+                Snapshot::Cia402(view) => cia402(now, view, reply),
+                Snapshot::Edb(_) => {}
+            }
             match &lease {
                 Some(lease) => self::lease(lease, reply),
                 None => say(reply, format_args!(" lease=none")),
@@ -86,6 +91,41 @@ fn pid(now: Instant, view: &View, reply: &mut Reply) {
             millis(now.since(at))
         ),
     );
+}
+
+fn cia402(now: Instant, view: &View, reply: &mut Reply) {
+    let Some((at, report)) = view.servo() else { return };
+    say(reply, format_args!(" node={}", cia402::node(&report.node)));
+    if cia402::node(&report.node) == "refused" {
+        say(reply, format_args!(" why=\"{}\"", report.node));
+    }
+    if let Some((status, state)) = report.status.zip(report.state()) {
+        say(reply, format_args!(" state={} status={:04X}", cia402::state(state), status.0));
+    }
+    if let Some(mode) = report.mode {
+        say(reply, format_args!(" mode={mode}"));
+    }
+    if let Some(position) = report.position {
+        say(reply, format_args!(" position={position}"));
+    }
+    if let Some(target) = cia402::target(view) {
+        say(reply, format_args!(" set_point={target}"));
+    }
+    if let Some(velocity) = report.velocity {
+        say(reply, format_args!(" velocity={velocity}"));
+    }
+    say(reply, format_args!(" progress={}", cia402::progress(report.progress)));
+    if let Progress::Failed(failure) = report.progress {
+        say(reply, format_args!(" failure=\"{failure}\""));
+    }
+    say(reply, format_args!(" homed={}", u8::from(report.homed)));
+    if let Some(fault) = report.fault {
+        say(reply, format_args!(" fault={fault:04X}"));
+    }
+    if let Some(emergency) = report.emergency {
+        say(reply, format_args!(" emergency=\"{emergency}\""));
+    }
+    say(reply, format_args!(" age_ms={}", millis(now.since(at))));
 }
 
 fn lease((holder, left): &(Holder, puente_line::Duration), reply: &mut Reply) {
