@@ -8,6 +8,7 @@ use puente_drives::cia402::homing::Method;
 use puente_drives::edb::Parameter;
 use puente_drives::pid::{BadGain, Gains};
 
+use crate::axis::group::Goal;
 use crate::axis::{Course, cia402};
 
 /// A command.
@@ -20,6 +21,9 @@ pub(super) enum Command<'a> {
     Buses,
     Axis(&'a str, AxisCommand),
     Bus(&'a str, BusCommand),
+    GroupStatus,
+    /// Of axes, by their names with commas between them.
+    Group(&'a str, GroupCommand),
 }
 
 /// What an axis is to do.
@@ -45,6 +49,14 @@ pub(in crate::front) enum AxisCommand {
     Gains(Gains),
     Get(Parameter),
     Set(Parameter, u16),
+}
+
+/// What the axes of a group are to do, together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::front) enum GroupCommand {
+    Start(Goal),
+    Stop,
+    Disable,
 }
 
 /// What a bus is to do.
@@ -110,13 +122,18 @@ impl fmt::Display for Shown<'_> {
 impl Command<'_> {
     /// Whether it stops an axis, which everyone may at any time.
     pub(super) fn stops(&self) -> bool {
-        matches!(self, Command::Axis(_, AxisCommand::Stop | AxisCommand::Disable | AxisCommand::Jog(0)))
+        matches!(
+            self,
+            Command::Axis(_, AxisCommand::Stop | AxisCommand::Disable | AxisCommand::Jog(0))
+                | Command::Group(_, GroupCommand::Stop | GroupCommand::Disable)
+        )
     }
 
     /// Whether it moves an axis.
     pub(super) fn moves(&self) -> bool {
         match self {
             Command::Axis(_, AxisCommand::Jog(rpm)) => *rpm != 0,
+            Command::Group(_, command) => matches!(command, GroupCommand::Start(_)),
             Command::Axis(_, command) => matches!(
                 command,
                 AxisCommand::Move(_)
@@ -157,6 +174,8 @@ pub(super) fn parse(line: &[u8]) -> Result<Command<'_>, Mistake<'_>> {
         ("system", []) => Ok(Command::System),
         ("axis", []) => Ok(Command::Axes),
         ("bus", []) => Ok(Command::Buses),
+        ("group", [] | ["status"]) => Ok(Command::GroupStatus),
+        ("group", [names, rest @ ..]) => Ok(Command::Group(names, group(rest)?)),
         ("axis", [name, rest @ ..]) => Ok(Command::Axis(name, axis(rest)?)),
         ("bus", [name, rest @ ..]) => Ok(Command::Bus(name, bus(rest)?)),
         ("help" | "?" | "feed" | "system", _) => Err(Mistake::Usage("this word alone")),
@@ -196,6 +215,21 @@ fn axis<'a>(words: &[&'a str]) -> Result<AxisCommand, Mistake<'a>> {
         }
         _ => Err(Mistake::Usage(AXIS)),
     }
+}
+
+fn group<'a>(words: &[&'a str]) -> Result<GroupCommand, Mistake<'a>> {
+    Ok(match words {
+        ["enable"] => GroupCommand::Start(Goal::Enabled),
+        ["home"] => GroupCommand::Start(Goal::Homed),
+        ["start", mode] => GroupCommand::Start(Goal::In(cia402::mode(mode).ok_or(Mistake::Mode(mode))?)),
+        ["stop"] => GroupCommand::Stop,
+        ["disable"] => GroupCommand::Disable,
+        _ => {
+            return Err(Mistake::Usage(
+                "group [status]|group NAME,NAME... enable|home|start MODE|stop|disable",
+            ));
+        }
+    })
 }
 
 fn number<T: FromStr>(text: &str) -> Result<T, Mistake<'_>> {
