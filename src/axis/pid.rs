@@ -56,7 +56,7 @@ impl Awaited {
     /// Whether it has come about, or why it will not.
     fn found(self, view: &View, within: Duration) -> Option<Result<(), AxisError>> {
         let fresh = view.fresh(clock::now(), within);
-        let answer = view.answer().and(fresh).map(|Feedback::Module(report)| report);
+        let answer = view.answer().and(fresh).and_then(Feedback::module);
         let state = answer.map(|report| report.state);
         let done = match self {
             Awaited::Report => fresh.is_some(),
@@ -151,7 +151,7 @@ impl Module<'_> {
         let before = self.view();
         let report = before.fresh(clock::now(), self.spec.within);
         if before.wish == Wish::Observe
-            && report.is_some_and(|Feedback::Module(report)| at_rest(report.state))
+            && report.and_then(Feedback::module).is_some_and(|report| at_rest(report.state))
         {
             return Ok(());
         }

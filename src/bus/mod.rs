@@ -2,6 +2,7 @@
 //!
 //! A pump takes its jobs from whoever implements [`Work`]; it knows nothing of clients.
 
+pub mod canopen;
 pub mod framed;
 pub mod modbus;
 

@@ -6,6 +6,7 @@
 
 mod bus;
 mod modules;
+mod servos;
 
 use core::future::poll_fn;
 use core::task::Poll;
@@ -25,6 +26,7 @@ use crate::port::limits::AXES;
 
 pub use bus::{BusImage, Kind};
 pub use modules::{Modules, at_rest};
+pub use servos::Servos;
 
 /// What is wanted of an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -36,6 +38,8 @@ pub enum Wish {
     Off,
     /// Standstill, whoever commands it, until it reports that. It puts nothing under current.
     Stop,
+    /// Out of its fault, and no current: once. Another number is another attempt. A module knows it by [`Wish::Off`].
+    Clear(u32),
     /// Current, and standstill.
     Hold,
     /// Motion, as long as the permit holds.
@@ -47,6 +51,8 @@ pub enum Wish {
 pub enum Motion {
     /// A module: to a position, ±[`MAX_SET_POINT`](puente_modules::MAX_SET_POINT) counts.
     Follow(i32),
+    /// A CiA 402 drive.
+    Servo(puente_servos::Motion),
 }
 
 impl Motion {
@@ -54,14 +60,13 @@ impl Motion {
     const fn ended(self) -> Wish {
         match self {
             Motion::Follow(_) => Wish::Hold,
+            Motion::Servo(_) => Wish::Stop,
         }
     }
 
     /// Whether what answers `self` answers `next`, too.
     const fn goes_on(self, next: Motion) -> bool {
-        match (self, next) {
-            (Motion::Follow(_), Motion::Follow(_)) => true,
-        }
+        matches!((self, next), (Motion::Follow(_), Motion::Follow(_)))
     }
 }
 
@@ -70,6 +75,8 @@ impl Motion {
 pub enum Feedback {
     /// A module.
     Module(Report),
+    /// A CiA 402 drive.
+    Servo(puente_servos::Report),
 }
 
 impl Feedback {
@@ -77,6 +84,23 @@ impl Feedback {
     fn ends(&self, wish: Wish) -> Option<Wish> {
         match self {
             Feedback::Module(report) => modules::ends(report, wish),
+            Feedback::Servo(report) => servos::ends(report, wish),
+        }
+    }
+
+    /// That of a module.
+    pub const fn module(self) -> Option<Report> {
+        match self {
+            Feedback::Module(report) => Some(report),
+            Feedback::Servo(_) => None,
+        }
+    }
+
+    /// That of a CiA 402 drive.
+    pub const fn servo(self) -> Option<puente_servos::Report> {
+        match self {
+            Feedback::Module(_) => None,
+            Feedback::Servo(report) => Some(report),
         }
     }
 }
@@ -128,7 +152,14 @@ impl View {
 
     /// The report of a module, and when it came.
     pub fn module(&self) -> Option<(Instant, Report)> {
-        self.input.map(|Input { at, feedback: Feedback::Module(report), .. }| (at, report))
+        let input = self.input?;
+        Some((input.at, input.feedback.module()?))
+    }
+
+    /// The report of a CiA 402 drive, and when it came.
+    pub fn servo(&self) -> Option<(Instant, puente_servos::Report)> {
+        let input = self.input?;
+        Some((input.at, input.feedback.servo()?))
     }
 
     /// What is to be off has no other wish before it is.
@@ -160,13 +191,17 @@ impl View {
         }
     }
 
-    fn reported(&mut self, input: Input) {
+    /// Takes a report. Motion that has ended with it needs its permit no more.
+    fn reported(&mut self, input: Input) -> Option<Permit> {
         let current = input.current && self.shown;
         self.input = Some(Input { current, ..input });
-        if current && let Some(wish) = input.feedback.ends(self.wish) {
-            self.wish = wish;
-            // That the drive hears of it is yet to come.
-            self.unanswered();
+        let next = input.feedback.ends(self.wish).filter(|_| current)?;
+        let before = core::mem::replace(&mut self.wish, next);
+        // That the drive hears of it is yet to come.
+        self.unanswered();
+        match before {
+            Wish::Move(_, permit) => Some(permit),
+            _ => None,
         }
     }
 }
@@ -185,7 +220,7 @@ impl Slot {
 }
 
 impl Desk {
-    /// An axis is on a cyclic bus, with these gains at first. Before anything else, after
+    /// An axis is on a cyclic bus, with these gains at first, where it is a module. Before anything else, after
     /// [`configure`](Desk::configure).
     pub fn add_cyclic(&self, axis: u8, bus: u8, gains: Gains) {
         self.with(|state| {
@@ -230,6 +265,11 @@ impl Desk {
         self.want(now, permit, |view| view.want(Wish::Off))
     }
 
+    /// Out of its fault, and no current, under a permit. The number is another one each time.
+    pub fn reset(&self, now: Instant, permit: Permit, serial: u32) -> bool {
+        self.want(now, permit, |view| view.want(Wish::Clear(serial)))
+    }
+
     /// Motion, which has begun with it: from now on the holder of the lease must show life.
     pub fn go(&self, now: Instant, permit: Permit, motion: Motion) -> bool {
         self.on_slot(now, permit.axis(), |state| {
@@ -243,15 +283,23 @@ impl Desk {
         .is_some()
     }
 
-    /// Standstill. Allowed to everyone.
+    /// Standstill of a module. Allowed to everyone.
     pub fn stop_cyclic(&self, now: Instant, axis: u8) {
         self.on_slot(now, axis, |state| {
             let view = &mut state.image.get_mut(usize::from(axis))?.as_mut()?.view;
             match view.wish {
                 Wish::Observe => view.want(Wish::Stop),
                 Wish::Move(motion, _) => view.want(motion.ended()),
-                Wish::Stop | Wish::Hold | Wish::Off => {}
+                Wish::Stop | Wish::Hold | Wish::Off | Wish::Clear(_) => {}
             }
+            Some(())
+        });
+    }
+
+    /// A quick stop of a CiA 402 drive. Allowed to everyone.
+    pub fn quick_stop(&self, now: Instant, axis: u8) {
+        self.on_slot(now, axis, |state| {
+            state.image.get_mut(usize::from(axis))?.as_mut()?.view.want(Wish::Stop);
             Some(())
         });
     }

@@ -402,6 +402,20 @@ fn a_late_response_is_no_second_node() {
     bus.run(1);
     bus.say(response(3));
     bus.run(5);
+    // Node 3 is slow: asked twice, it answers twice.
+    bus.reset(3);
+    bus.run(500);
+    bus.told.clear();
+    bus.node(3).dead = true;
+    bus.submit(3, short);
+    bus.run(600);
+    bus.say(response(3));
+    bus.run(200);
+    bus.say(response(3));
+    bus.run(5);
+    assert_eq!(bus.done.pop(), Some((3, Ok(Outcome::Read { size: 4, checked: true }))));
+    assert_eq!(bus.events(3), []);
+    bus.node(3).dead = false;
     // Of node 9 nothing is known; what node 10 aborts was begun before.
     bus.say(response(9));
     bus.say(Frame::full(Id::Base(0x58A), [0x80, 0, 0x10, 0, 0, 0, 4, 5]));
@@ -484,6 +498,49 @@ fn babbling_is_told_once_and_others_are_served() {
     bus.run(1_000);
     assert_eq!(bus.done, [(2, Ok(Outcome::Read { size: 20_000, checked: true }))]);
     assert_eq!(bus.bus_events(), []);
+}
+
+/// A slow reader with the least room that a block takes, and one frame of a hundred lost.
+#[test]
+fn a_long_read_survives_losses_and_a_slow_reader() {
+    let mut bus = Bus::<4, 2>::started(config(), &[], vec![Node::new(2)]);
+    let object: Vec<_> = (0..100_000_u64).map(|at| (at * at / 128) as u8).collect();
+    bus.node(2).server.objects.insert((0x2000, 0), object.clone());
+    bus.loses = 10;
+    bus.rooms.insert(2, 896);
+    bus.submit(2, READ_BLOCK);
+    let mut read = Vec::new();
+    for _ in 0..10_000 {
+        bus.run(37);
+        read.extend(bus.drain(2));
+        if !bus.done.is_empty() {
+            break;
+        }
+    }
+    assert_eq!(bus.done, [(2, Ok(Outcome::Read { size: 100_000, checked: true }))]);
+    assert!(read == object);
+    assert!(bus.manager.counters().sdo.repeated > 100);
+}
+
+#[test]
+fn on_a_bad_bus_members_are_booted_in_the_end() {
+    let members = [member(2), guarded(3), member(4), guarded(5)];
+    let nodes = (2..=5).map(Node::new).collect();
+    let mut bus = Bus::<4, 2>::started(config(), &members, nodes);
+    bus.loses = 100;
+    bus.run(20_000);
+    for id in 2..=5 {
+        bus.reset(id);
+    }
+    bus.run(20_000);
+    assert!(bus.told.len() > 20, "it was bad");
+    bus.loses = 0;
+    bus.run(5_000);
+    for id in 2..=5 {
+        let status = bus.manager.status(node(id));
+        assert_eq!((status.health, status.state), (Health::Booted, Some(State::Operational)), "{id}");
+        assert_eq!(bus.node(id).state, Some(State::Operational));
+    }
 }
 
 #[test]

@@ -69,12 +69,16 @@ impl<K: Kind> Image for BusImage<'_, K> {
 
     fn reported(&self, now: Instant, place: usize, report: K::Report, current: bool) {
         let Some(axis) = self.axis(place) else { return };
-        self.desk.with(|state| {
-            if let Some(slot) = viewed(state, now, axis) {
-                slot.view.reported(Input { at: now, feedback: K::feedback(report), current });
-                slot.wake();
-            }
+        let input = Input { at: now, feedback: K::feedback(report), current };
+        let over = self.desk.with(|state| {
+            let slot = viewed(state, now, axis)?;
+            let over = slot.view.reported(input);
+            slot.wake();
+            over
         });
+        if let Some(permit) = over {
+            self.desk.release(permit);
+        }
     }
 
     fn fell(&self, now: Instant, place: usize, fall: K::Fall) {

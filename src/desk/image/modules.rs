@@ -22,9 +22,10 @@ impl Kind for Modules {
         let here = here.clamp(-MAX_SET_POINT, MAX_SET_POINT);
         let (control, gains, set_point) = match view.wish {
             Wish::Observe => (Control::Observe, view.gains, here),
-            Wish::Off => (Control::Off, view.gains, here),
+            Wish::Off | Wish::Clear(_) => (Control::Off, view.gains, here),
             Wish::Stop => (Control::Hold, Gains::default(), here),
-            Wish::Hold => (Control::Hold, view.gains, here),
+            // What a servo may do is nothing to a module.
+            Wish::Hold | Wish::Move(Motion::Servo(_), _) => (Control::Hold, view.gains, here),
             Wish::Move(Motion::Follow(set_point), _) => (Control::Follow, view.gains, set_point),
         };
         Output { control, gains, set_point }
@@ -54,7 +55,7 @@ impl Kind for Modules {
 /// What is wanted of a module after a `wish` which this report answers.
 pub(super) fn ends(report: &Report, wish: Wish) -> Option<Wish> {
     let done = match wish {
-        Wish::Off => report.state == State::Disabled,
+        Wish::Off | Wish::Clear(_) => report.state == State::Disabled,
         Wish::Stop => at_rest(report.state),
         _ => false,
     };

@@ -21,10 +21,10 @@ fn at(millis: u64) -> Instant {
 }
 
 /// A desk whose axis 1 is the only one of its only bus.
-fn desk() -> Desk {
+fn desk() -> Box<Desk> {
     let spec =
         BusSpec { units: Units::default(), queue_timeout: Duration::ZERO, reply_timeout: Duration::ZERO };
-    let desk = Desk::new();
+    let desk = Box::new(const { Desk::new() });
     desk.configure([spec], LEASE);
     desk.add_cyclic(1, 0, Gains::new(0.5, 0.0, 0.0).expect("gains"));
     desk
@@ -232,9 +232,7 @@ fn where_it_stands_is_where_it_is_held() {
 fn who_waits_is_woken_by_reports_and_by_wishes() {
     let desk = desk();
     let minute = Duration::from_secs(60);
-    let mut held = core::pin::pin!(
-        desk.until(1, minute, |view| view.answer().map(|Feedback::Module(report)| report.state))
-    );
+    let mut held = core::pin::pin!(desk.until(1, minute, |view| Some(view.answer()?.module()?.state)));
     let mut poll = || held.as_mut().poll(&mut Context::from_waker(Waker::noop()));
     assert!(poll().is_pending());
     report(&desk, clock::now(), Module::Held, false);

@@ -11,8 +11,8 @@ use puente_line::Duration;
 use super::*;
 use crate::desk::{BusSpec, Holder};
 
-fn desk() -> Desk {
-    let desk = Desk::new();
+fn desk() -> Box<Desk> {
+    let desk = Box::new(const { Desk::new() });
     let spec =
         BusSpec { units: Units::default(), queue_timeout: Duration::ZERO, reply_timeout: Duration::ZERO };
     desk.configure([spec], Duration::from_millis(250));

@@ -149,7 +149,7 @@ pub enum Evidence {
     /// Somebody speaks under the manager's own.
     Own,
     /// Its SDO server says what nobody asked for. Not looked for where somebody else asks the server, too, nor after a
-    /// transfer that did not end well, until another one does.
+    /// transfer that did not end well or had to ask twice, until another one ends well.
     Response,
     /// Its state goes to and fro without a command: three times, each within five seconds of the one before.
     State,

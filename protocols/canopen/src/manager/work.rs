@@ -107,11 +107,12 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
     /// What a channel has said.
     fn said(&mut self, now: Instant, node: NodeId, said: Said) -> Option<Action> {
         let next = now + self.config.retry;
+        let repeated = self.channels.of(node).is_some_and(|channel| channel.has_repeated());
         let event = match said {
             Said::Frame(frame) => return Some(Action::Transmit(frame)),
             Said::Sdo(sdo) => {
                 if let Sdo::Done(end) = &sdo {
-                    self.table.transferred(node, owes(*end));
+                    self.table.transferred(node, repeated || owes(*end));
                 }
                 return Some(Action::Sdo(node, sdo));
             }
@@ -130,7 +131,7 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
                 return None;
             }
             Said::Booted => {
-                self.table.transferred(node, false);
+                self.table.transferred(node, repeated);
                 self.counters.booted = self.counters.booted.wrapping_add(1);
                 self.member_mut(node)?.booted(now);
                 Event::Booted
@@ -140,7 +141,7 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
                     Verdict::Failed { failure, .. } => owes(Err(failure)),
                     _ => false,
                 };
-                self.table.transferred(node, failed);
+                self.table.transferred(node, repeated || failed);
                 if !self.member_mut(node)?.refused(verdict, next) {
                     return None;
                 }
