@@ -284,7 +284,11 @@ impl<'a, const AXES: usize, const NODES: usize, const CHANNELS: usize> Master<'a
     /// Begins the transfers that the drives want.
     fn begin(&mut self, now: Instant) {
         for place in &mut self.places {
-            let Some(job) = place.drive.job().filter(|_| !place.yields(now)) else {
+            if place.yields(now) {
+                continue;
+            }
+            place.yields_until = None;
+            let Some(job) = place.drive.job() else {
                 continue;
             };
             let transfer = match job.write {

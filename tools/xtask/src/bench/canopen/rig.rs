@@ -101,8 +101,10 @@ pub struct Rig {
     follow: Vec<bool>,
     /// The paths have begun: so many cycles ago.
     path: Option<i32>,
-    /// A client reads an object of the first drive without a pause.
+    /// A client reads an object of the first drive without a pause,
     client: bool,
+    /// now.
+    reads: bool,
     /// What the bus has shown of the cycle since the last SYNC, whose end was then.
     cycle: Vec<Cycle>,
     sync: Option<Instant>,
@@ -140,6 +142,7 @@ impl Rig {
             follow: vec![false; axes.len()],
             path: None,
             client,
+            reads: false,
             cycle: vec![Cycle::default(); axes.len()],
             sync: None,
             last: now,
@@ -179,8 +182,12 @@ impl Rig {
     pub fn measure(&mut self, time: Duration) -> Result<Figures, String> {
         let sync = self.master.manager().sync_at().ok_or("there is no SYNC")?;
         self.run(sync.before())?;
+        self.reads = self.client;
         (self.counts, self.sync) = (true, None);
         let before = self.cell.totals();
+        // What the client has asked for is answered by then.
+        self.run(sync + time.saturating_sub(PERIOD * 5))?;
+        self.reads = false;
         self.run((sync + time).before())?;
         self.close();
         let after = self.cell.totals();
@@ -206,7 +213,7 @@ impl Rig {
     /// Does what the master asks for.
     fn act(&mut self) -> Result<(), String> {
         loop {
-            if self.client
+            if self.reads
                 && let Some((node, _)) = self.axes.first()
             {
                 let transfer = Transfer::Upload { address: Address::new(0x1000, 0), block: false };
