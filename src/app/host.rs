@@ -7,14 +7,15 @@ use std::process::ExitCode;
 use embassy_executor::Executor;
 use static_cell::StaticCell;
 
+use super::canopen::canopen;
 use super::framed::framed;
 use super::options::{Action, Options, USAGE};
 use super::simulated::{simulated, simulated_can};
-use super::{InForce, bus_task, framed_task, front_task, keeper_task, modbus, watch_task};
+use super::{InForce, bus_task, canopen_task, framed_task, front_task, keeper_task, modbus, watch_task};
 use crate::clock;
 use crate::front::Gateway;
-use crate::port::host::{CanSpec, Doors, LineSpec, exact_timers, random, start_log};
-use crate::port::{Flash, Line, Place, limits};
+use crate::port::host::{CanSpec, Doors, LineSpec, Ports, exact_timers, random, start_log};
+use crate::port::{Can, Flash, Line, Place, limits};
 use crate::settings::store::Store;
 use crate::settings::{Bus, Framed, Modbus, Problem, Protocol, Settings, VERSION};
 
@@ -124,12 +125,21 @@ fn run(options: &Options, base: Settings) -> ExitCode {
     };
     // The options go before the document, and are no part of it.
     let net = options.on(settings).net;
-    let doors = match Doors::open(net.bind, net.port, net.modbus_port) {
+    let doors = Doors::open(
+        net.bind,
+        Ports {
+            main: net.port,
+            modbus: net.modbus_port,
+            slcan: net.slcan_port,
+            socketcand: net.socketcand_port,
+        },
+    );
+    let doors = match doors {
         Ok(doors) => doors,
         Err(error) => return fail(error),
     };
-    let (main, modbus) = match doors.addresses() {
-        Ok(addresses) => addresses,
+    let ready = match ready(&doors) {
+        Ok(ready) => ready,
         Err(error) => return fail(error),
     };
     let gateway = super::build(settings, keeper);
@@ -137,10 +147,19 @@ fn run(options: &Options, base: Settings) -> ExitCode {
         return fail(error);
     }
     std::thread::spawn(move || buses(gateway, ports));
-    if print(&format!("ready http://{main} modbus-tcp://{modbus}\n")) == ExitCode::FAILURE {
+    if print(&ready) == ExitCode::FAILURE {
         return fail("standard output is closed");
     }
     clients(gateway, store, doors)
+}
+
+/// The line that tells where the gateway listens.
+fn ready(doors: &Doors) -> std::io::Result<String> {
+    let mut line = "ready".to_owned();
+    for (name, address) in doors.addresses() {
+        line += &format!(" {name}://{}", address?);
+    }
+    Ok(line + "\n")
 }
 
 /// Ctrl-C, SIGTERM or SIGHUP: stops the axes that are under a lease, then ends the program.
@@ -163,17 +182,21 @@ fn buses(gateway: &'static Gateway, ports: Vec<Spec>) -> ! {
     let seed = random();
     EXECUTOR.init(Executor::new()).run(|spawner| {
         for ((index, spec), bus) in (0..).zip(ports).zip(&gateway.settings.buses) {
-            let line = match spec {
-                Spec::Line(spec) => Line::new(spec),
-                Spec::Can(_) => {
-                    log::error!("[[bus]] \"{}\": nothing drives a CANopen bus yet", bus.name);
-                    continue;
+            match spec {
+                Spec::Line(spec) => {
+                    let line = Line::new(spec);
+                    if let Some(master) = modbus(gateway.settings, bus) {
+                        spawner.spawn(bus_task(gateway.desk, index, line, master).expect("one task a bus"));
+                    } else if let Some((image, setup)) = framed(gateway.settings, index, seed) {
+                        spawner.spawn(framed_task(image, line, setup).expect("no more than are allowed"));
+                    }
                 }
-            };
-            if let Some(master) = modbus(gateway.settings, bus) {
-                spawner.spawn(bus_task(gateway.desk, index, line, master).expect("one task a bus"));
-            } else if let Some((image, setup)) = framed(gateway.settings, index, seed) {
-                spawner.spawn(framed_task(image, line, setup).expect("no more than are allowed"));
+                Spec::Can(spec) => {
+                    if let Some(parts) = canopen(gateway.settings, index) {
+                        let task = canopen_task(Can::new(spec), parts);
+                        spawner.spawn(task.expect("no more than are allowed"));
+                    }
+                }
             }
         }
         for (axis, _) in gateway.axes.iter() {

@@ -2,6 +2,7 @@
 
 #[cfg(target_os = "none")]
 pub mod board;
+mod canopen;
 mod framed;
 #[cfg(not(target_os = "none"))]
 pub mod host;
@@ -14,6 +15,7 @@ mod simulated;
 mod vital;
 
 use embassy_futures::block_on;
+use puente_drives::pid::Gains;
 use puente_line::Duration;
 use puente_modbus::{Config, Echo, Mode};
 use static_cell::{ConstStaticCell, StaticCell};
@@ -23,7 +25,7 @@ use crate::bus::{self, framed::Setup};
 use crate::clock;
 use crate::desk::{BusImage, BusQueue, BusSpec, Desk, Modules, Units};
 use crate::front::{self, Gateway};
-use crate::port::{Flash, Line, Place, limits};
+use crate::port::{Can, Flash, Line, Place, limits};
 use crate::settings::keeper::{self, Form, Keeper, Source};
 use crate::settings::store::{Start, Store};
 use crate::settings::{self, Settings};
@@ -105,19 +107,20 @@ pub fn build(settings: &'static Settings, keeper: &'static Keeper) -> &'static G
     if let Some(bus) = settings.buses.iter().position(|bus| bus.framed().is_some()) {
         DESK.send_frames_to(bus as u8);
     }
-    let axes = Axes::new(&DESK, axes(settings).filter_map(|(id, axis)| axis_spec(settings, id, axis)));
+    canopen::add(settings);
+    let axes = Axes::new(&DESK, axes(settings).map(|(id, axis)| axis_spec(settings, id, axis)));
     GATEWAY.init_with(|| Gateway::new(settings, &DESK, axes, keeper))
 }
 
-/// The axes that can be commanded, with their numbers.
+/// The axes with their numbers.
 fn axes(settings: &Settings) -> impl Iterator<Item = (u8, &settings::Axis)> {
-    (0..).zip(settings.axes.iter().filter(|axis| !matches!(axis.drive, settings::Drive::Cia402(_))))
+    (0..).zip(&settings.axes)
 }
 
 /// What the axes go by of one of them; a cyclic one is added to the desk's process image.
-fn axis_spec(settings: &Settings, id: u8, axis: &settings::Axis) -> Option<AxisSpec> {
+fn axis_spec(settings: &Settings, id: u8, axis: &settings::Axis) -> AxisSpec {
     let bus = settings.bus(&axis.bus).unwrap_or_default();
-    Some(AxisSpec {
+    AxisSpec {
         name: axis.name.clone(),
         bus,
         bus_name: axis.bus.clone(),
@@ -130,9 +133,12 @@ fn axis_spec(settings: &Settings, id: u8, axis: &settings::Axis) -> Option<AxisS
                 DESK.add_cyclic(id, bus, framed::gains(pid));
                 DriveSpec::Pid(framed::axis(settings, usize::from(bus), pid))
             }
-            settings::Drive::Cia402(_) => return None,
+            settings::Drive::Cia402(cia402) => {
+                DESK.add_cyclic(id, bus, Gains::default());
+                DriveSpec::Cia402(canopen::axis(settings, bus, cia402))
+            }
         },
-    })
+    }
 }
 
 fn millis(ms: u32) -> Duration {
@@ -187,6 +193,12 @@ pub async fn bus_task(desk: &'static Desk, bus: u8, mut line: Line, master: Conf
 #[embassy_executor::task(pool_size = limits::FRAMED)]
 pub async fn framed_task(image: BusImage<'static, Modules>, mut line: Line, setup: Setup) -> ! {
     bus::framed::pump(&mut line, setup, &image).await
+}
+
+/// Drives one CANopen bus.
+#[embassy_executor::task(pool_size = limits::CANOPEN)]
+pub async fn canopen_task(mut port: Can, parts: canopen::Parts) -> ! {
+    bus::canopen::pump(&mut port, parts.setup, &parts.clients, &parts.image).await
 }
 
 /// Stops one axis when its commander is gone.

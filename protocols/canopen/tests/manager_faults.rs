@@ -152,6 +152,21 @@ fn who_leaves_its_state_by_itself_is_led_there_again() {
     let back = Sign::Changed { from: State::PreOperational, to: State::Operational };
     assert_eq!(bus.events(2), [Event::Monitor(there), Event::Booted, Event::Monitor(back)]);
     goes_on(&mut bus);
+    // One that never stays there is configured less and less often.
+    let booted = bus.manager.counters().booted;
+    for _ in 0..10_000 {
+        bus.node(2).state = Some(State::PreOperational);
+        bus.run(10);
+    }
+    let again = bus.manager.counters().booted - booted;
+    assert!((5..=6).contains(&again), "{again} in 100 s");
+    // Well for long, it is led there at once again.
+    bus.run(200_000);
+    bus.node(2).state = Some(State::PreOperational);
+    bus.run(1_500);
+    assert_eq!(bus.node(2).state, Some(State::Operational));
+    bus.events(2);
+    goes_on(&mut bus);
 }
 
 #[test]
@@ -170,7 +185,7 @@ fn a_wrong_node_is_told_once_left_alone_and_tried_again() {
     bus.run(400);
     assert!(bus.done.iter().any(|(of, end)| *of == 2 && end.is_ok()));
     bus.node(2).server.objects.insert((0x1018, 4), vec![7, 0, 0, 0]);
-    bus.run(1_500);
+    bus.run(5_000);
     assert_eq!(bus.events(2), [Event::Booted, OPERATIONAL]);
     bus.told.clear();
     goes_on(&mut bus);
@@ -188,6 +203,20 @@ fn a_configuration_that_is_refused_is_told_with_its_object() {
     let verdict = Verdict::Failed { address, failure: Failure::Aborted(Abort::NO_OBJECT) };
     assert_eq!(bus.events(2), [Event::NotBooted(verdict)]);
     assert_eq!(verdict.to_string(), "1A07h:1: the node refused: 0x06020000 object does not exist");
+    // What was written before it is not written again and again.
+    let mut list = heapless::Vec::<u8, 64>::new();
+    for (index, sub) in [(0x1400, 1), (0x1A07, 1)] {
+        dcf::push(&mut list, Entry { address: Address::new(index, sub), data: &[1] }).expect("room");
+    }
+    let plan = Plan { configuration: List::parse(&list).expect("a list"), ..member(2).plan };
+    let mut bus = Bus::<4, 2>::started(config(), &[Member { plan, ..refuses }], vec![Node::new(2)]);
+    bus.run(600_000);
+    let written = bus.node(2).server.written.len();
+    // After 0, 1, 3, 7, .. 63 s, and then every 64.
+    assert_eq!(written, 7 + (600 - 63) / 64);
+    bus.reset(2);
+    bus.run(500);
+    assert_eq!(bus.node(2).server.written.len(), written + 1, "one that boots is tried at once");
     let long = Member { plan: Plan { device_type: Some(1), ..Plan::NOTHING }, ..Member::new(node(2)) };
     let mut bus = Bus::<4, 2>::started(config(), &[long], vec![Node::new(2)]);
     bus.node(2).server.objects.insert((0x1000, 0), vec![0; 100]);
@@ -226,6 +255,19 @@ fn missing_members_leave_a_channel_to_callers() {
         bus.run(150);
     }
     assert_eq!(bus.done.len(), 20);
+    // A refused one can be asked why, however many others are tried.
+    bus.nodes.push(Node::new(12));
+    bus.node(12).server.objects.insert((0x1018, 4), vec![0; 4]);
+    bus.run(30_000);
+    bus.done.clear();
+    let asks = (0..400).filter(|_| {
+        let _ =
+            bus.manager.submit(bus.now, node(12), Transfer::Upload { address: object::SERIAL, block: false });
+        bus.run(25);
+        bus.done.drain(..).any(|(of, end)| of == 12 && end.is_ok())
+    });
+    let asks = asks.count();
+    assert!(asks > 350, "{asks} of 400");
     // And callers leave one to members, even if they ask whenever they may.
     bus.nodes.push(Node::new(15));
     let (mut busy, mut at) = (0, 0);
@@ -450,6 +492,24 @@ fn a_state_to_and_fro_is_of_two_nodes() {
     }
     bus.run(5);
     assert!(!bus.events(9).contains(&Event::DuplicateId(Evidence::State)));
+}
+
+#[test]
+fn a_heartbeat_twice_as_often_is_of_two_nodes() {
+    let mut bus = both([member(2), member(3)]);
+    for _ in 0..12 {
+        bus.run(100);
+        bus.say(sign(2, State::Operational, false));
+    }
+    bus.run(5);
+    assert_eq!(bus.events(2), [Event::DuplicateId(Evidence::Heartbeat)]);
+    goes_on(&mut bus);
+    // Now and then one more, as when a state is told at once, is none.
+    for _ in 0..20 {
+        bus.run(250);
+        bus.say(sign(3, State::Operational, false));
+    }
+    assert!(!bus.manager.status(node(3)).duplicate);
 }
 
 #[test]

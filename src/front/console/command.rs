@@ -1,9 +1,14 @@
 //! Console commands, from text.
 
 use core::fmt;
+use core::str::FromStr;
 
+use puente_drives::cia402::Mode;
+use puente_drives::cia402::homing::Method;
 use puente_drives::edb::Parameter;
 use puente_drives::pid::{BadGain, Gains};
+
+use crate::axis::{Course, cia402};
 
 /// A command.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,8 +33,15 @@ pub(in crate::front) enum AxisCommand {
     Clear,
     /// In r/min.
     Jog(i32),
-    /// In encoder counts.
-    Move(i32),
+    /// In encoder counts, or in the drive's position and velocity units.
+    Move(Course),
+    /// By this method, or by the drive's own.
+    Home(Option<Method>),
+    /// In the drive's velocity units.
+    Velocity(i32),
+    /// In thousandths of the rated one.
+    Torque(i16),
+    Mode(Mode),
     Gains(Gains),
     Get(Parameter),
     Set(Parameter, u16),
@@ -56,6 +68,8 @@ pub(super) enum Mistake<'a> {
     Parameter(&'a str),
     /// A gain that no loop can work with.
     Gain(BadGain),
+    /// No mode of a CiA 402 drive.
+    Mode(&'a str),
     /// No number, or none that is allowed here.
     Number(&'a str),
     /// A dialect that this version does not speak.
@@ -72,6 +86,9 @@ impl fmt::Display for Mistake<'_> {
                 write!(f, "'{}' is no parameter; write Pn and a number, as in Pn037", Shown(word))
             }
             Mistake::Gain(gain) => gain.fmt(f),
+            Mistake::Mode(word) => {
+                write!(f, "'{}' is no mode; pp, pv, pt, hm, ip, csp, csv, cst or its number is", Shown(word))
+            }
             Mistake::Number(word) => write!(f, "'{}' is no number that is allowed here", Shown(word)),
             Mistake::Unsupported(dialect) => write!(f, "{dialect} is not spoken by this version"),
         }
@@ -100,14 +117,21 @@ impl Command<'_> {
     pub(super) fn moves(&self) -> bool {
         match self {
             Command::Axis(_, AxisCommand::Jog(rpm)) => *rpm != 0,
-            Command::Axis(_, AxisCommand::Move(_)) => true,
+            Command::Axis(_, command) => matches!(
+                command,
+                AxisCommand::Move(_)
+                    | AxisCommand::Home(_)
+                    | AxisCommand::Velocity(_)
+                    | AxisCommand::Torque(_)
+                    | AxisCommand::Mode(_)
+            ),
             _ => false,
         }
     }
 }
 
-const AXIS: &str = "axis NAME status|enable|disable|stop|clear|move POSITION|gains KP KI KD|\
-jog RPM|alarm|get PnNNN|set PnNNN VALUE";
+const AXIS: &str = "axis NAME status|enable|disable|stop|clear|move POSITION [VELOCITY]|\
+home [METHOD]|velocity V|torque PERMILLE|mode MODE|gains KP KI KD|jog RPM|alarm|get PnNNN|set PnNNN VALUE";
 const BUS: &str = "bus NAME status|scan FIRST-LAST";
 
 /// Reads a line that is not empty.
@@ -148,10 +172,21 @@ fn axis<'a>(words: &[&'a str]) -> Result<AxisCommand, Mistake<'a>> {
         ["stop"] => Ok(AxisCommand::Stop),
         ["alarm"] => Ok(AxisCommand::Alarm),
         ["clear"] => Ok(AxisCommand::Clear),
-        ["jog", rpm] => rpm.parse().map(AxisCommand::Jog).map_err(|_| Mistake::Number(rpm)),
-        ["move", position] => position.parse().map(AxisCommand::Move).map_err(|_| Mistake::Number(position)),
+        ["jog", rpm] => number(rpm).map(AxisCommand::Jog),
+        ["move", position] => Ok(AxisCommand::Move(Course { position: number(position)?, velocity: None })),
+        ["move", position, velocity] => {
+            let velocity = Some(number(velocity)?);
+            Ok(AxisCommand::Move(Course { position: number(position)?, velocity }))
+        }
+        ["home"] => Ok(AxisCommand::Home(None)),
+        ["home", method] => match number(method).map(Method::new)? {
+            Some(method) => Ok(AxisCommand::Home(Some(method))),
+            None => Err(Mistake::Number(method)),
+        },
+        ["velocity", velocity] => number(velocity).map(AxisCommand::Velocity),
+        ["torque", torque] => number(torque).map(AxisCommand::Torque),
+        ["mode", mode] => cia402::mode(mode).map(AxisCommand::Mode).ok_or(Mistake::Mode(mode)),
         ["gains", kp, ki, kd] => {
-            let number = |text: &'a str| text.parse().map_err(|_| Mistake::Number(text));
             let gains = Gains::new(number(kp)?, number(ki)?, number(kd)?);
             gains.map(AxisCommand::Gains).map_err(Mistake::Gain)
         }
@@ -161,6 +196,10 @@ fn axis<'a>(words: &[&'a str]) -> Result<AxisCommand, Mistake<'a>> {
         }
         _ => Err(Mistake::Usage(AXIS)),
     }
+}
+
+fn number<T: FromStr>(text: &str) -> Result<T, Mistake<'_>> {
+    text.parse().map_err(|_| Mistake::Number(text))
 }
 
 fn parameter(name: &str) -> Result<Parameter, Mistake<'_>> {
@@ -194,9 +233,19 @@ mod tests {
     #[test]
     fn commands_are_read() {
         let gains = Gains::new(0.5, 2.0, 1e-3).expect("gains");
+        let to = |axis, position, velocity| {
+            Ok(Command::Axis(axis, AxisCommand::Move(Course { position, velocity })))
+        };
         let pn037 = "Pn037".parse().expect("parameter");
-        let cases: [(&[u8], Result<Command<'_>, Mistake<'_>>); 24] = [
-            (b"axis x move -1000", Ok(Command::Axis("x", AxisCommand::Move(-1000)))),
+        let cases: [(&[u8], Result<Command<'_>, Mistake<'_>>); 31] = [
+            (b"axis x move -1000", to("x", -1000, None)),
+            (b"axis u move -1000 50", to("u", -1000, Some(50))),
+            (b"axis u move -1000 -50", Err(Mistake::Number("-50"))),
+            (b"axis u home", Ok(Command::Axis("u", AxisCommand::Home(None)))),
+            (b"axis u home 35", Ok(Command::Axis("u", AxisCommand::Home(Method::new(35))))),
+            (b"axis u home 300", Err(Mistake::Number("300"))),
+            (b"axis u mode pv", Ok(Command::Axis("u", AxisCommand::Mode(Mode::ProfileVelocity)))),
+            (b"axis u mode 5", Err(Mistake::Mode("5"))),
             (b"axis x move 1.5", Err(Mistake::Number("1.5"))),
             (b"axis x gains 0.5 2 1e-3", Ok(Command::Axis("x", AxisCommand::Gains(gains)))),
             (b"axis x gains 0.5 2 x", Err(Mistake::Number("x"))),
@@ -232,7 +281,10 @@ mod tests {
         assert!(jog(5).moves() && !jog(5).stops());
         assert!(jog(0).stops() && !jog(0).moves());
         assert!(Command::Axis("x", AxisCommand::Stop).stops());
-        let there = Command::Axis("x", AxisCommand::Move(0));
-        assert!(there.moves() && !there.stops());
+        let there = Course { position: 0, velocity: None };
+        for command in [AxisCommand::Move(there), AxisCommand::Home(None), AxisCommand::Velocity(0)] {
+            let command = Command::Axis("x", command);
+            assert!(command.moves() && !command.stops());
+        }
     }
 }

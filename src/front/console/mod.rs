@@ -5,6 +5,7 @@ mod status;
 
 use core::fmt::Write;
 
+use puente_drives::cia402::Mode;
 use puente_drives::edb::Parameter;
 use puente_drives::pid::Gains;
 use puente_line::Duration;
@@ -24,6 +25,8 @@ use command::{AxisCommand, BusCommand, Command, Mistake};
 const HELP: &str = "ok commands=\"help; axis; axis NAME status|enable|disable|stop|clear; \
 EDB: axis NAME jog RPM; axis NAME alarm; axis NAME get PnNNN; axis NAME set PnNNN VALUE; \
 PID: axis NAME move POSITION; axis NAME gains KP KI KD; \
+CiA 402: axis NAME move POSITION [VELOCITY]; axis NAME home [METHOD]; axis NAME velocity V; axis NAME torque PERMILLE; \
+axis NAME mode MODE; \
 bus; bus NAME status; bus NAME scan FIRST-LAST; system; feed\"";
 
 const NO_SCAN: &str =
@@ -110,6 +113,10 @@ pub(super) enum Answer {
     Stopped,
     Jog(i32),
     Move(i32),
+    Homing,
+    Velocity(i32),
+    Torque(i16),
+    Mode(Mode),
     Gains(Gains),
     Value(Parameter, u16),
     Written(Parameter, u16),
@@ -201,9 +208,25 @@ async fn axis(gateway: &Gateway, by: Commander, id: u8, command: AxisCommand) ->
             axes.jog(id, by, rpm, None).await?;
             Answer::Jog(rpm)
         }
-        AxisCommand::Move(position) => {
-            axes.move_to(id, by, position, None, false).await?;
-            Answer::Move(position)
+        AxisCommand::Move(course) => {
+            axes.move_to(id, by, course, None, false).await?;
+            Answer::Move(course.position)
+        }
+        AxisCommand::Home(method) => {
+            axes.home(id, by, method, None).await?;
+            Answer::Homing
+        }
+        AxisCommand::Velocity(velocity) => {
+            axes.velocity(id, by, velocity, None).await?;
+            Answer::Velocity(velocity)
+        }
+        AxisCommand::Torque(permille) => {
+            axes.torque(id, by, permille, None).await?;
+            Answer::Torque(permille)
+        }
+        AxisCommand::Mode(mode) => {
+            axes.mode(id, by, mode, None).await?;
+            Answer::Mode(mode)
         }
         AxisCommand::Gains(gains) => {
             axes.set_gains(id, by, gains)?;
@@ -226,19 +249,21 @@ async fn axis(gateway: &Gateway, by: Commander, id: u8, command: AxisCommand) ->
 }
 
 fn tell_answer(gateway: &Gateway, id: u8, answer: &Answer, reply: &mut Reply) {
+    let lease_ms = gateway.settings.net.lease_ms;
+    let moving = |reply: &mut Reply, what| say(reply, format_args!(" {what} lease_ms={lease_ms}"));
     match answer {
         Answer::Status(snapshot) => status::axis(gateway, id, snapshot, reply),
         Answer::Enabled(enabled) => say(reply, format_args!(" enabled={}", u8::from(*enabled))),
         Answer::Stopped => match gateway.axes.known(id) {
-            Ok(Known::Pid(_)) => say(reply, format_args!(" stopped=1")),
+            Ok(Known::Pid(_) | Known::Cia402(_)) => say(reply, format_args!(" stopped=1")),
             _ => say(reply, format_args!(" jog_rpm=0")),
         },
-        Answer::Jog(rpm) => {
-            say(reply, format_args!(" jog_rpm={rpm} lease_ms={}", gateway.settings.net.lease_ms));
-        }
-        Answer::Move(position) => {
-            say(reply, format_args!(" set_point={position} lease_ms={}", gateway.settings.net.lease_ms));
-        }
+        Answer::Jog(rpm) => moving(reply, format_args!("jog_rpm={rpm}")),
+        Answer::Move(position) => moving(reply, format_args!("set_point={position}")),
+        Answer::Homing => moving(reply, format_args!("homing=1")),
+        Answer::Velocity(velocity) => moving(reply, format_args!("target_velocity={velocity}")),
+        Answer::Torque(permille) => moving(reply, format_args!("target_torque_permille={permille}")),
+        Answer::Mode(mode) => moving(reply, format_args!("mode={mode}")),
         Answer::Gains(gains) => {
             say(
                 reply,
@@ -309,6 +334,7 @@ impl Mistake<'_> {
             Mistake::Parameter(_) => "parameter",
             Mistake::Number(_) => "number",
             Mistake::Gain(_) => "range",
+            Mistake::Mode(_) => "mode",
             Mistake::Unsupported(_) => "unsupported",
         }
     }

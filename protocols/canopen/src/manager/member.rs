@@ -4,8 +4,8 @@ use core::time::Duration;
 
 use puente_line::Instant;
 
-use super::types::{Health, Member};
-use crate::boot::Verdict;
+use super::types::{Evidence, Health, Member};
+use crate::boot::{Signs, Verdict};
 use crate::monitor::{self, Supervision};
 use crate::nmt::{Command, State};
 use crate::sdo::Failure;
@@ -35,7 +35,20 @@ pub(super) struct Managed<'a> {
     astray: Option<Instant>,
     verdict: Option<Verdict>,
     told_missing: bool,
+    /// Times that it was configured or judged in vain since it was well.
+    vain: u8,
+    /// When it was booted last.
+    booted: Instant,
+    /// Since when its heartbeats are counted, and how many came.
+    beats: (Instant, u8),
 }
+
+/// A member that was configured in vain is tried again later and later, up to so many doublings: there are drives that keep
+/// each value written to them in a memory that wears.
+const DOUBLINGS: u8 = 6;
+/// Within so many periods so many heartbeats are of two nodes.
+const PERIODS: u32 = 8;
+const BEATS: u8 = 14;
 
 impl<'a> Managed<'a> {
     pub fn new(member: Member<'a>, now: Instant) -> Self {
@@ -49,6 +62,9 @@ impl<'a> Managed<'a> {
             astray: None,
             verdict: None,
             told_missing: false,
+            vain: 0,
+            booted: now,
+            beats: (now, 0),
         }
     }
 
@@ -98,6 +114,11 @@ impl<'a> Managed<'a> {
         present
     }
 
+    /// How long it is left alone.
+    fn patience(&self, retry: Duration) -> Duration {
+        retry.saturating_mul(1 << self.vain.min(DOUBLINGS))
+    }
+
     /// It answers.
     pub fn present(&mut self) {
         self.phase = Phase::Booting;
@@ -121,6 +142,7 @@ impl<'a> Managed<'a> {
 
     pub fn booted(&mut self, now: Instant) {
         self.phase = Phase::Booted;
+        self.booted = now;
         self.verdict = None;
         self.told_missing = false;
         self.attempt = None;
@@ -129,9 +151,10 @@ impl<'a> Managed<'a> {
     }
 
     /// Whether the verdict is to be told.
-    pub fn refused(&mut self, verdict: Verdict, next: Instant) -> bool {
+    pub fn refused(&mut self, now: Instant, verdict: Verdict, retry: Duration) -> bool {
         self.phase = Phase::Refused;
-        self.attempt(next, false);
+        self.attempt(now + self.patience(retry), false);
+        self.vain = DOUBLINGS.min(self.vain + 1);
         self.verdict.replace(verdict) != Some(verdict)
     }
 
@@ -156,6 +179,7 @@ impl<'a> Managed<'a> {
         self.verdict = None;
         self.told_missing = false;
         self.attempt = None;
+        self.vain = 0;
         self.monitor.forget(now);
     }
 
@@ -167,13 +191,39 @@ impl<'a> Managed<'a> {
         self.attempt(next, false);
     }
 
-    pub fn receive(&mut self, now: Instant, frame: &Frame, retry: Duration) {
+    /// Takes a sign of it: whether it can be of one node alone.
+    pub fn receive(&mut self, now: Instant, frame: &Frame, retry: Duration) -> Option<Evidence> {
         self.monitor.receive(now, frame);
+        self.check(now, retry);
+        self.beat(now)
+    }
+
+    /// It has shown itself: whether it does so too often.
+    fn beat(&mut self, now: Instant) -> Option<Evidence> {
+        let Signs::Heartbeat(period @ 1..) = self.member.plan.signs else {
+            return None;
+        };
+        let window = Duration::from_millis(u64::from(period)) * PERIODS;
+        let (since, count) = self.beats;
+        // Before it is booted it may have another period.
+        if self.phase != Phase::Booted || now >= since + window {
+            self.beats = (now, 1);
+            return None;
+        }
+        self.beats = (since, count.saturating_add(1));
+        (count.saturating_add(1) >= BEATS).then_some(Evidence::Heartbeat)
+    }
+
+    fn check(&mut self, now: Instant, retry: Duration) {
         // Whoever was led to a state and says another one for a while is led there anew.
         match (self.phase, self.monitor.state(), self.expected) {
             (Phase::Booted, Some(is), Some(expected)) if is != expected => {
                 let since = *self.astray.get_or_insert(now);
-                if now >= since + retry {
+                if since >= self.booted + retry.saturating_mul(1 << DOUBLINGS) {
+                    self.vain = 0;
+                }
+                if now >= since + self.patience(retry) && !self.is_due(now) {
+                    self.vain = DOUBLINGS.min(self.vain + 1);
                     self.attempt(now, true);
                 }
             }

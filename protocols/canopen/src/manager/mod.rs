@@ -11,8 +11,8 @@
 //! | a member is missing | [`Event::Missing`], unless it is optional | tried again every [`Config::retry`] |
 //! | no heartbeat, no answer to guarding | [`monitor::Event::Lost`] | tried again; back in the state it was led to it is what it was, else booted anew |
 //! | it boots by itself | [`monitor::Event::BootUp`]; its transfer ends with [`Booted`](sdo::Failure::Booted) | booted at once |
-//! | it leaves its state by itself | [`monitor::Event::Changed`] | booted anew after [`Config::retry`] |
-//! | another identity, a refused value, a server that dies at boot | [`Event::NotBooted`] | left alone, tried again |
+//! | it leaves its state by itself | [`monitor::Event::Changed`] | booted anew after [`Config::retry`], when it does so again later and later |
+//! | another identity, a refused value, a server that dies at boot | [`Event::NotBooted`] | left alone, tried again later and later, anew when it boots |
 //! | a server that dies in a transfer | [`sdo::Failure::Timeout`] | its channel stays with it for the quarantine |
 //! | bus off, port gone ([`Manager::bus`]) | [`BusEvent::Off`]; transfers end with [`BusOff`](sdo::Failure::BusOff) | NMT commands that wait are dropped, SYNCs left out and counted; who is not heard is lost in its time |
 //! | two nodes of one node-ID | [`Event::DuplicateId`], see [`Evidence`] | nothing |
@@ -44,7 +44,9 @@ use channels::Channels;
 use member::Managed;
 pub use table::EMERGENCIES;
 use table::Table;
-pub use types::{Action, BusEvent, Config, Counters, Event, Evidence, Health, Member, Sdo, Status, Unsent};
+pub use types::{
+    Action, BusEvent, Config, Counters, Event, Evidence, Health, Member, Sdo, Status, Unsent, babble_limit,
+};
 
 /// NMT commands that may wait.
 const COMMANDS: usize = 16;

@@ -30,15 +30,29 @@ pub struct Config {
     pub sdo: sdo::Config,
     /// An LSS node answers within so long.
     pub lss: Duration,
-    /// A member that is missing, lost or refused is tried again so often.
+    /// A member that is missing or lost is tried again so often; one that is refused, or leaves its state after it was
+    /// configured, after so long, then after twice that, up to 64 times: there are drives that keep each value written to them
+    /// in a memory that wears.
     pub retry: Duration,
-    /// Somebody babbles when more frames than this of one COB-ID come within 100 ms; 0: nobody does.
+    /// Somebody babbles when more frames than this of one COB-ID come within 100 ms, see [`babble_limit`]; 0: nobody does.
+    /// More than SYNC and the PDOs that come with it.
     pub babble: u16,
 }
 
+/// What [`Config::babble`] may be at a bit rate: a third of the frames of eight bytes that the bus carries, 5 at
+/// least.
+pub const fn babble_limit(bitrate: u32) -> u16 {
+    let third = bitrate / 10 / 3 / Frame::worst_bits(false, 8);
+    match third {
+        0..5 => 5,
+        5..0xFFFF => third as u16,
+        _ => u16::MAX,
+    }
+}
+
 impl Config {
-    /// No SYNC, no TIME, a heartbeat each second, LSS answers within 100 ms, retries each second. 300 frames in 100 ms are
-    /// three in a millisecond, a third of what 1 Mbit/s can carry.
+    /// No SYNC, no TIME, a heartbeat each second, LSS answers within 100 ms, retries each second, and the
+    /// [`babble_limit`] of 1 Mbit/s.
     pub const fn new(node: NodeId) -> Self {
         Self {
             node,
@@ -49,7 +63,7 @@ impl Config {
             sdo: sdo::Config::DEFAULT,
             lss: Duration::from_millis(100),
             retry: Duration::from_secs(1),
-            babble: 300,
+            babble: babble_limit(1_000_000),
         }
     }
 }
@@ -142,7 +156,7 @@ impl fmt::Display for Event {
 
 /// What shows that two nodes have the same node-ID.
 ///
-/// Nodes of one node-ID that say the same at the same time cannot be told from one; nor can a second one that is switched on
+/// Nodes of one node-ID that say all the same at the same time cannot be told from one; nor can a second one that is switched on
 /// from one that boots again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Evidence {
@@ -153,6 +167,8 @@ pub enum Evidence {
     Response,
     /// Its state goes to and fro without a command: three times, each within five seconds of the one before.
     State,
+    /// Its heartbeat comes almost twice as often as it was told: 14 times within eight periods.
+    Heartbeat,
     /// It answers guarding twice. Not looked for where somebody else guards it, too.
     Guarding,
 }
@@ -163,6 +179,7 @@ impl fmt::Display for Evidence {
             Self::Own => "it is the manager's own",
             Self::Response => "an SDO response nobody asked for",
             Self::State => "its state goes to and fro without a command",
+            Self::Heartbeat => "a heartbeat twice as often as it was told",
             Self::Guarding => "two answers to guarding",
         })
     }

@@ -4,6 +4,7 @@ use puente_line::{Instant, micros};
 
 use super::Manager;
 use super::channel::Said;
+use super::channels::Borrower;
 use super::types::{Action, Event, Sdo};
 use crate::boot::Verdict;
 use crate::time::TimeOfDay;
@@ -34,7 +35,7 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
             let Some(managed) = self.members.get_mut(at).filter(|managed| managed.is_due(now)) else {
                 continue;
             };
-            let Some(channel) = self.channels.lend(now, managed.member.id, true, true) else {
+            let Some(channel) = self.channels.lend(now, managed.member.id, Borrower::Boot) else {
                 managed.wait();
                 continue;
             };
@@ -106,7 +107,7 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
 
     /// What a channel has said.
     fn said(&mut self, now: Instant, node: NodeId, said: Said) -> Option<Action> {
-        let next = now + self.config.retry;
+        let retry = self.config.retry;
         let repeated = self.channels.of(node).is_some_and(|channel| channel.has_repeated());
         let event = match said {
             Said::Frame(frame) => return Some(Action::Transmit(frame)),
@@ -142,14 +143,14 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
                     _ => false,
                 };
                 self.table.transferred(node, repeated || failed);
-                if !self.member_mut(node)?.refused(verdict, next) {
+                if !self.member_mut(node)?.refused(now, verdict, retry) {
                     return None;
                 }
                 Event::NotBooted(verdict)
             }
             Said::Absent => {
                 self.table.transferred(node, true);
-                if !self.member_mut(node)?.absent(next) {
+                if !self.member_mut(node)?.absent(now + retry) {
                     return None;
                 }
                 Event::Missing
