@@ -144,9 +144,9 @@ fn clients_of_both_kinds_are_on_one_bus() {
 fn clients_come_and_go() {
     let mut program = Program::start(&["--slcan", "127.0.0.1:0", "--node", "5=node"]);
     let mut first = program.connect();
-    // The boot-up of the node has waited for somebody to acknowledge it, and may come before.
-    first.say("O\rt00028205\r");
-    first.until("z\rt705100\r");
+    // The boot-up of the node has waited for somebody to acknowledge it; this is answered after it.
+    first.say("O\rr7051\r");
+    first.until("t70517F\r");
     let place = first.0.peer_addr().expect("its place");
     for _ in 0..40 {
         let mut other = Client(TcpStream::connect(place).expect("it listens"));
