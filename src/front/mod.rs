@@ -1,6 +1,7 @@
 //! Sockets to requests, replies to sockets. One listener; the first bytes decide the dialect.
 
 mod console;
+mod dictionary;
 mod framed;
 mod http;
 mod inbox;
@@ -46,6 +47,7 @@ pub struct Gateway {
     pub keeper: &'static Keeper,
     /// When the gateway started.
     pub started: Instant,
+    dictionaries: dictionary::Dictionaries,
     sheets: http::Sheets,
     clients: AtomicUsize,
     connections: AtomicU32,
@@ -66,6 +68,7 @@ impl Gateway {
             axes,
             keeper,
             started: clock::now(),
+            dictionaries: dictionary::Dictionaries::new(),
             sheets: http::Sheets::new(),
             clients: AtomicUsize::new(0),
             connections: AtomicU32::new(0),
