@@ -239,7 +239,7 @@ fn there_is_room_for_one_document_at_a_time_and_for_no_larger_one() {
         |length: usize| format!("PUT {CONFIG} HTTP/1.1\r\nHost: a\r\nContent-Length: {length}\r\n\r\n");
     // Refused before it is sent.
     let mut large = connect(address);
-    large.write_all(head(20_000).as_bytes()).expect("sent");
+    large.write_all(head(100_000).as_bytes()).expect("sent");
     let mut reply = Vec::new();
     large.read_to_end(&mut reply).expect("an answer");
     refused(answer(&Reply::of(&reply)), 413, "too-large");

@@ -1,5 +1,7 @@
 //! What the settings say of framed buses, as those take it who work with it.
 
+use core::marker::PhantomData;
+
 use puente_drives::pid::Gains;
 use puente_framed::arbiter::{self, Echo, Policy};
 use puente_framed::{section, station};
@@ -9,7 +11,7 @@ use puente_modules::{Form, master, report, setting};
 use super::{DESK, millis};
 use crate::axis::pid;
 use crate::bus::framed::{Room, Setup};
-use crate::desk::BusImage;
+use crate::desk::{BusImage, Modules};
 use crate::port::limits;
 use crate::settings::{self, Drive, Payload, Pid, Settings};
 
@@ -77,7 +79,7 @@ pub(super) fn manners(framed: &settings::Framed) -> arbiter::Config {
 }
 
 /// What the pump of a framed bus goes by; none where the bus is none.
-pub fn framed(settings: &Settings, index: u8, seed: u64) -> Option<(BusImage<'static>, Setup)> {
+pub fn framed(settings: &Settings, index: u8, seed: u64) -> Option<(BusImage<'static, Modules>, Setup)> {
     let bus = settings.buses.get(usize::from(index))?;
     let framed = bus.framed()?;
     let mut station = station::Config::new(framed.station, framed.line, limits::FRAME);
@@ -96,5 +98,6 @@ pub fn framed(settings: &Settings, index: u8, seed: u64) -> Option<(BusImage<'st
         seed: seed.wrapping_add(index.into()),
         room: ROOMS.get(before.count())?,
     };
-    Some((BusImage { desk: &DESK, bus: index, axes: axes().map(|(id, ..)| id).collect() }, setup))
+    let axes = axes().map(|(id, ..)| id).collect();
+    Some((BusImage { desk: &DESK, bus: index, axes, kind: PhantomData }, setup))
 }

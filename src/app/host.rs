@@ -9,7 +9,7 @@ use static_cell::StaticCell;
 
 use super::framed::framed;
 use super::options::{Action, Options, USAGE};
-use super::simulated::simulated;
+use super::simulated::{simulated, simulated_can};
 use super::{InForce, bus_task, framed_task, front_task, keeper_task, modbus, watch_task};
 use crate::clock;
 use crate::front::Gateway;
@@ -99,7 +99,10 @@ fn ports(settings: &Settings) -> Result<Vec<Spec>, String> {
             | Protocol::Framed(Framed { line, .. }) => {
                 LineSpec::parse(&bus.port, *line, || simulated(settings, bus)).map(Spec::Line)
             }
-            Protocol::Canopen(canopen) => CanSpec::parse(&bus.port, canopen.bitrate).map(Spec::Can),
+            Protocol::Canopen(canopen) => {
+                let cell = || simulated_can(settings, bus, canopen.bitrate);
+                CanSpec::parse(&bus.port, canopen.bitrate, cell).map(Spec::Can)
+            }
         }
         .map_err(|error| format!("[[bus]] \"{}\" port: {error}", bus.name))
     };

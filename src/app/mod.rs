@@ -21,7 +21,7 @@ use static_cell::{ConstStaticCell, StaticCell};
 use crate::axis::{Axes, AxisSpec, DriveSpec, edb};
 use crate::bus::{self, framed::Setup};
 use crate::clock;
-use crate::desk::{BusImage, BusQueue, BusSpec, Desk, Units};
+use crate::desk::{BusImage, BusQueue, BusSpec, Desk, Modules, Units};
 use crate::front::{self, Gateway};
 use crate::port::{Flash, Line, Place, limits};
 use crate::settings::keeper::{self, Form, Keeper, Source};
@@ -185,7 +185,7 @@ pub async fn bus_task(desk: &'static Desk, bus: u8, mut line: Line, master: Conf
 
 /// Drives one framed bus.
 #[embassy_executor::task(pool_size = limits::FRAMED)]
-pub async fn framed_task(image: BusImage<'static>, mut line: Line, setup: Setup) -> ! {
+pub async fn framed_task(image: BusImage<'static, Modules>, mut line: Line, setup: Setup) -> ! {
     bus::framed::pump(&mut line, setup, &image).await
 }
 

@@ -1,5 +1,6 @@
 //! What is behind a bus whose port is `sim`.
 
+use puente_cell::can::{self, DriveConfig, Model};
 use puente_cell::framed::{self, ModuleConfig};
 use puente_modules::Form;
 
@@ -19,6 +20,24 @@ pub fn simulated(settings: &Settings, bus: &Bus) -> Option<Simulation> {
         }
         Protocol::Canopen(_) => None,
     }
+}
+
+/// A drive for each axis of a CAN bus, and what has no more than its communication profile for each node that is none.
+pub fn simulated_can(settings: &Settings, bus: &Bus, bitrate: u32) -> can::Config {
+    let axes = settings.axes.iter().filter(|axis| axis.bus == bus.name);
+    let drives = axes.clone().filter_map(|axis| match &axis.drive {
+        // A drive of the generic profile is one of those that there are.
+        Drive::Cia402(drive) => {
+            DriveConfig::new(axis.address, drive.profile.name.parse().unwrap_or(Model::Lexium23a))
+        }
+        Drive::Edb(_) | Drive::Pid(_) => None,
+    });
+    let nodes = settings
+        .nodes
+        .iter()
+        .filter(|node| node.bus == bus.name && axes.clone().all(|axis| axis.address != node.id));
+    let nodes = nodes.filter_map(|node| DriveConfig::new(node.id, Model::Node));
+    can::Config { drives: drives.chain(nodes).collect(), ..can::Config::new(bitrate) }
 }
 
 /// Modules on axes of the TX8 table, with the manners that the gateway has.

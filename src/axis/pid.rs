@@ -8,7 +8,7 @@ use puente_modules::{Form, MAX_SET_POINT, Report, setting};
 
 use super::AxisError;
 use crate::clock;
-use crate::desk::{Desk, Failure, Permit, Reason, View, Wish, at_rest};
+use crate::desk::{Desk, Failure, Feedback, Motion, Permit, Reason, View, Wish, at_rest};
 
 /// What a module may take for what needs its amplifier, beyond the time of a report.
 const START: Duration = Duration::from_secs(1);
@@ -56,19 +56,19 @@ impl Awaited {
     /// Whether it has come about, or why it will not.
     fn found(self, view: &View, within: Duration) -> Option<Result<(), AxisError>> {
         let fresh = view.fresh(clock::now(), within);
-        let answer = view.answer().and(fresh);
+        let answer = view.answer().and(fresh).and_then(Feedback::module);
         let state = answer.map(|report| report.state);
         let done = match self {
             Awaited::Report => fresh.is_some(),
             Awaited::LetGo => view.wish == Wish::Observe && state.is_some(),
             Awaited::Held => view.wish == Wish::Hold && state == Some(State::Held),
-            Awaited::Following => matches!(view.wish, Wish::Follow(..)) && state == Some(State::Enabled),
+            Awaited::Following => matches!(view.wish, Wish::Move(..)) && state == Some(State::Enabled),
             Awaited::Rest => state.is_some_and(at_rest),
             Awaited::Off => view.wish != Wish::Off,
         };
         let (commanded, fault) = match self {
             Awaited::Held => (Some(view.wish == Wish::Hold), true),
-            Awaited::Following => (Some(matches!(view.wish, Wish::Follow(..))), true),
+            Awaited::Following => (Some(matches!(view.wish, Wish::Move(..))), true),
             // An Off that is still said acknowledges it.
             Awaited::LetGo => (None, view.wish == Wish::Observe),
             Awaited::Report | Awaited::Rest | Awaited::Off => (None, false),
@@ -121,7 +121,7 @@ impl Module<'_> {
         if !self.view().gains.hold() {
             return Err(AxisError::NoGains);
         }
-        if !matches!(self.view().wish, Wish::Hold | Wish::Follow(..)) {
+        if !matches!(self.view().wish, Wish::Hold | Wish::Move(..)) {
             // The module enables itself for one who has let go of it. So that is to be known first.
             self.confirm(Awaited::LetGo).await?;
         }
@@ -150,7 +150,9 @@ impl Module<'_> {
     pub(super) async fn stop(&self) -> Result<(), AxisError> {
         let before = self.view();
         let report = before.fresh(clock::now(), self.spec.within);
-        if before.wish == Wish::Observe && report.is_some_and(|report| at_rest(report.state)) {
+        if before.wish == Wish::Observe
+            && report.and_then(Feedback::module).is_some_and(|report| at_rest(report.state))
+        {
             return Ok(());
         }
         self.desk.stop_cyclic(clock::now(), self.axis);
@@ -159,12 +161,12 @@ impl Module<'_> {
 
     /// Goes to a position, under the lease of this permit; one that is under way changes its aim at once.
     pub(super) async fn follow(&self, permit: Permit, position: i32) -> Result<(), AxisError> {
-        let under_way = matches!(self.view().wish, Wish::Follow(..));
+        let under_way = matches!(self.view().wish, Wish::Move(..));
         if !under_way && self.view().wish != Wish::Hold {
             self.desk.unlease(permit);
             return Err(AxisError::NotEnabled);
         }
-        if !self.desk.follow(clock::now(), permit, position) {
+        if !self.desk.go(clock::now(), permit, Motion::Follow(position)) {
             return Err(STOPPED);
         }
         if under_way {
@@ -185,7 +187,7 @@ impl Module<'_> {
         if setting::check(self.spec.form, gains).is_err() {
             return Err(AxisError::GainDigits);
         }
-        if !gains.hold() && matches!(self.view().wish, Wish::Hold | Wish::Follow(..)) {
+        if !gains.hold() && matches!(self.view().wish, Wish::Hold | Wish::Move(..)) {
             return Err(AxisError::NoGains);
         }
         if self.desk.set_gains(clock::now(), permit, gains) { Ok(()) } else { Err(STOPPED) }
@@ -203,7 +205,7 @@ pub(super) fn in_range(position: i32) -> Result<(), AxisError> {
 /// Whether the axis turns.
 pub(super) fn turns(view: &View) -> bool {
     let fast = |velocity: f32| !(-STANDSTILL..=STANDSTILL).contains(&velocity);
-    view.input.is_some_and(|input| fast(input.report.velocity))
+    view.module().is_some_and(|(_, report)| fast(report.velocity))
 }
 
 /// The name of a state, as clients see it.
@@ -230,8 +232,8 @@ pub const fn reference(report: &Report) -> i32 {
 /// Where the axis is to go, in counts: the position that it was sent to, or where it is to stand.
 pub fn set_point(view: &View) -> Option<i32> {
     match view.wish {
-        Wish::Follow(position, _) => Some(position),
-        _ => view.input.map(|input| reference(&input.report)),
+        Wish::Move(Motion::Follow(position), _) => Some(position),
+        _ => view.module().map(|(_, report)| reference(&report)),
     }
 }
 

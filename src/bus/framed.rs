@@ -9,7 +9,7 @@ use puente_modules::Master;
 use puente_modules::master::{Action, Axis, Config};
 use static_cell::StaticCell;
 
-use super::{Image, Post, Taken, Undelivered};
+use super::{Cycles, Post, Taken, Undelivered};
 use crate::clock;
 use crate::port::limits::{AXES, FRAME, PEERS, WINDOW};
 use crate::port::{LineReader, LineWriter, SerialLine};
@@ -28,7 +28,7 @@ const OPEN: Duration = Duration::from_secs(4);
 pub struct Setup {
     /// How the master works, but for what the port takes.
     pub config: Config,
-    /// The modules of the bus, in the order of the [`Image`].
+    /// The modules of the bus, in the order of the [`Image`](super::Image).
     pub axes: heapless::Vec<Axis, AXES>,
     /// Differs from that of every other station, and from start to start.
     pub seed: u64,
@@ -52,7 +52,7 @@ enum Sending {
 
 /// Keeps the axes of a bus as the `image` wants them, for ever, and tells it what they are at; between that it sends the
 /// frames of clients. It listens while it talks.
-pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &(impl Image + Post)) -> ! {
+pub async fn pump(line: &mut impl SerialLine, setup: Setup, image: &(impl Cycles + Post)) -> ! {
     let (mut reader, mut writer) = line.split();
     let master = start(setup, reader.latency());
     let mut sending = Sending::Nothing;
@@ -135,7 +135,7 @@ fn heard(before: Instant, now: Instant, wake: Instant) -> Instant {
 }
 
 /// Waits until the port is open, and leaves it in peace while it opens. Tells whether that failed at first.
-async fn open(writer: &mut impl LineWriter, image: &(impl Image + Post)) -> bool {
+async fn open(writer: &mut impl LineWriter, image: &(impl Cycles + Post)) -> bool {
     let mut failed = false;
     loop {
         image.alive(clock::now() + OPEN + LATE);
@@ -182,7 +182,7 @@ fn post(master: &mut BusMaster, now: Instant, frame: &[u8]) -> Taken {
 fn act(
     master: &mut BusMaster,
     writer: &mut impl LineWriter,
-    image: &(impl Image + Post),
+    image: &(impl Cycles + Post),
     now: Instant,
     down: bool,
     mut sending: Sending,
@@ -222,6 +222,7 @@ mod tests {
     use puente_modules::master::{Output, Statistics};
     use puente_modules::{Control, Form, Report};
 
+    use super::super::Image;
     use super::*;
 
     /// A port that is opened by a flush which is not dropped before its end, and written to after that.
@@ -287,13 +288,15 @@ mod tests {
     struct Nothing(Cell<Option<Instant>>);
 
     impl Image for Nothing {
+        type Output = Output;
+        type Report = Report;
+        type Fall = Control;
+
         fn outputs(&self, _: Instant, mut set: impl FnMut(usize, Output)) {
             set(0, Output::default());
         }
 
         fn reported(&self, _: Instant, _: usize, _: Report, _: bool) {}
-
-        fn happened(&self, _: usize, _: Event) {}
 
         fn fell(&self, _: Instant, _: usize, _: Control) {}
 
@@ -301,13 +304,17 @@ mod tests {
             core::future::pending().await
         }
 
-        fn counted(&self, _: Statistics) {}
-
         fn line(&self, _: bool) {}
 
         fn alive(&self, until: Instant) {
             self.0.set(Some(until));
         }
+    }
+
+    impl Cycles for Nothing {
+        fn happened(&self, _: usize, _: Event) {}
+
+        fn counted(&self, _: Statistics) {}
     }
 
     impl Post for Nothing {

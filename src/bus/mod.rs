@@ -2,6 +2,7 @@
 //!
 //! A pump takes its jobs from whoever implements [`Work`]; it knows nothing of clients.
 
+pub mod canopen;
 pub mod framed;
 pub mod modbus;
 
@@ -106,20 +107,31 @@ pub enum Undelivered {
 /// Where the pump of a cyclic bus finds what shall be, and tells what is. An axis is named by its place in the order of
 /// the bus.
 pub trait Image {
+    /// What a drive is told.
+    type Output;
+    /// What it says.
+    type Report;
+    /// What is left of what was wanted of it.
+    type Fall;
+
     /// Shows what is wanted of each axis now.
-    fn outputs(&self, now: Instant, set: impl FnMut(usize, Output));
+    fn outputs(&self, now: Instant, set: impl FnMut(usize, Self::Output));
     /// An axis has reported; `current` if that answers what was shown last.
-    fn reported(&self, now: Instant, place: usize, report: Report, current: bool);
-    /// An axis has told an event.
-    fn happened(&self, place: usize, event: Event);
+    fn reported(&self, now: Instant, place: usize, report: Self::Report, current: bool);
     /// What was wanted of an axis is not any more: it has lost its current by itself, or another has stopped it.
-    fn fell(&self, now: Instant, place: usize, to: Control);
+    fn fell(&self, now: Instant, place: usize, fall: Self::Fall);
     /// Resolves when what is wanted has changed since the last call.
     async fn changed(&self);
-    /// What the master has counted so far.
-    fn counted(&self, statistics: Statistics);
     /// Whether the port has failed.
     fn line(&self, down: bool);
     /// A sign of life: the pump gives the next one before `until`, or it hangs.
     fn alive(&self, until: Instant);
+}
+
+/// The [`Image`] of a framed bus, whose axes are PID modules.
+pub trait Cycles: Image<Output = Output, Report = Report, Fall = Control> {
+    /// An axis has told an event.
+    fn happened(&self, place: usize, event: Event);
+    /// What the master has counted so far.
+    fn counted(&self, statistics: Statistics);
 }

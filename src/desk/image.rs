@@ -4,22 +4,29 @@
 //! and is confirmed by what the drive reports. Motion is wanted under a permit, and only as long as that holds and is
 //! backed by a lease: whoever reads the image for the wire finds standstill from that moment on.
 
+mod bus;
+mod modules;
+mod servos;
+
 use core::future::poll_fn;
 use core::task::Poll;
 
 use embassy_futures::select::{Either, select};
 use embassy_sync::waitqueue::MultiWakerRegistration;
 use heapless::Vec;
-use puente_drives::pid::{Event, Gains, State as Module};
+use puente_drives::pid::Gains;
 use puente_line::{Duration, Instant};
-use puente_modules::master::{Output, Statistics};
-use puente_modules::{Control, MAX_SET_POINT, Report};
+use puente_modules::Report;
+use puente_modules::master::Statistics;
 
 use super::lease::AxisLease;
-use super::{Cause, Desk, Permit, State};
-use crate::bus::Image;
+use super::{Desk, Permit, State};
 use crate::clock;
 use crate::port::limits::AXES;
+
+pub use bus::{BusImage, Kind};
+pub use modules::{Modules, at_rest};
+pub use servos::Servos;
 
 /// What is wanted of an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -29,13 +36,73 @@ pub enum Wish {
     Observe,
     /// No current, until it reports that it has none.
     Off,
-    /// Standstill, whoever commands it, until it reports that. It puts nothing under current: it says no gains, without
-    /// which no module enables itself.
+    /// Standstill, whoever commands it, until it reports that. It puts nothing under current.
     Stop,
+    /// Out of its fault, and no current: once. Another number is another attempt. A module knows it by [`Wish::Off`].
+    Clear(u32),
     /// Current, and standstill.
     Hold,
-    /// Going to a position, in counts, as long as the permit holds.
-    Follow(i32, Permit),
+    /// Motion, as long as the permit holds.
+    Move(Motion, Permit),
+}
+
+/// How an axis is to move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Motion {
+    /// A module: to a position, ±[`MAX_SET_POINT`](puente_modules::MAX_SET_POINT) counts.
+    Follow(i32),
+    /// A CiA 402 drive.
+    Servo(puente_servos::Motion),
+}
+
+impl Motion {
+    /// What is wanted where its permit has ended.
+    const fn ended(self) -> Wish {
+        match self {
+            Motion::Follow(_) => Wish::Hold,
+            Motion::Servo(_) => Wish::Stop,
+        }
+    }
+
+    /// Whether what answers `self` answers `next`, too.
+    const fn goes_on(self, next: Motion) -> bool {
+        matches!((self, next), (Motion::Follow(_), Motion::Follow(_)))
+    }
+}
+
+/// What a drive has reported.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Feedback {
+    /// A module.
+    Module(Report),
+    /// A CiA 402 drive.
+    Servo(puente_servos::Report),
+}
+
+impl Feedback {
+    /// What is wanted after a `wish` which this answers; none where that has not come about yet.
+    fn ends(&self, wish: Wish) -> Option<Wish> {
+        match self {
+            Feedback::Module(report) => modules::ends(report, wish),
+            Feedback::Servo(report) => servos::ends(report, wish),
+        }
+    }
+
+    /// That of a module.
+    pub const fn module(self) -> Option<Report> {
+        match self {
+            Feedback::Module(report) => Some(report),
+            Feedback::Servo(_) => None,
+        }
+    }
+
+    /// That of a CiA 402 drive.
+    pub const fn servo(self) -> Option<puente_servos::Report> {
+        match self {
+            Feedback::Module(_) => None,
+            Feedback::Servo(report) => Some(report),
+        }
+    }
 }
 
 /// What an axis has reported.
@@ -44,7 +111,7 @@ pub struct Input {
     /// When.
     pub at: Instant,
     /// What.
-    pub report: Report,
+    pub feedback: Feedback,
     /// It is the answer to what is wanted now, not to what was before.
     pub current: bool,
 }
@@ -54,10 +121,12 @@ pub struct Input {
 pub struct View {
     /// What is wanted.
     pub wish: Wish,
-    /// The gains that go with it.
+    /// The gains that go with it, of a module.
     pub gains: Gains,
     /// The last report.
     pub input: Option<Input>,
+    /// The bus has seen what is wanted. A report from before is no answer to it.
+    pub shown: bool,
 }
 
 pub(super) struct Slot {
@@ -71,14 +140,26 @@ pub(super) type Slots = Vec<Option<Slot>, AXES>;
 
 impl View {
     /// The report, where it is not older than this.
-    pub fn fresh(&self, now: Instant, within: Duration) -> Option<Report> {
+    pub fn fresh(&self, now: Instant, within: Duration) -> Option<Feedback> {
         let input = self.input?;
-        (now.since(input.at) <= within).then_some(input.report)
+        (now.since(input.at) <= within).then_some(input.feedback)
     }
 
     /// The report, where it is the answer to what is wanted now.
-    pub fn answer(&self) -> Option<Report> {
-        self.input.filter(|input| input.current).map(|input| input.report)
+    pub fn answer(&self) -> Option<Feedback> {
+        self.input.filter(|input| input.current).map(|input| input.feedback)
+    }
+
+    /// The report of a module, and when it came.
+    pub fn module(&self) -> Option<(Instant, Report)> {
+        let input = self.input?;
+        Some((input.at, input.feedback.module()?))
+    }
+
+    /// The report of a CiA 402 drive, and when it came.
+    pub fn servo(&self) -> Option<(Instant, puente_servos::Report)> {
+        let input = self.input?;
+        Some((input.at, input.feedback.servo()?))
     }
 
     /// What is to be off has no other wish before it is.
@@ -86,63 +167,60 @@ impl View {
         if self.wish == wish || self.wish == Wish::Off {
             return;
         }
-        let goes_on = matches!((self.wish, wish), (Wish::Follow(..), Wish::Follow(..)));
+        let goes_on = matches!((self.wish, wish), (Wish::Move(a, _), Wish::Move(b, _)) if a.goes_on(b));
         self.wish = wish;
-        if let Some(input) = &mut self.input {
-            input.current &= goes_on;
+        if !goes_on {
+            self.unanswered();
         }
     }
 
-    fn output(&self) -> Output {
-        let here = self.input.map_or(0, |input| input.report.position);
-        let here = here.clamp(-MAX_SET_POINT, MAX_SET_POINT);
-        let (control, gains, set_point) = match self.wish {
-            Wish::Observe => (Control::Observe, self.gains, here),
-            Wish::Off => (Control::Off, self.gains, here),
-            Wish::Stop => (Control::Hold, Gains::default(), here),
-            Wish::Hold => (Control::Hold, self.gains, here),
-            Wish::Follow(set_point, _) => (Control::Follow, self.gains, set_point),
-        };
-        Output { control, gains, set_point }
+    /// What was reported is no answer to what is wanted from now on.
+    fn unanswered(&mut self) {
+        self.shown = false;
+        if let Some(input) = &mut self.input {
+            input.current = false;
+        }
     }
 
     /// Motion ends where its permit does.
     fn refresh(&mut self, leases: &[AxisLease], now: Instant) {
-        if let Wish::Follow(_, permit) = self.wish
+        if let Wish::Move(motion, permit) = self.wish
             && !permit.commands(leases, now)
         {
-            self.want(Wish::Hold);
+            self.want(motion.ended());
         }
     }
 
-    fn reported(&mut self, input: Input) {
-        self.input = Some(input);
-        let done = match (self.wish, input.report.state) {
-            (Wish::Off, state) => state == Module::Disabled,
-            (Wish::Stop, state) => at_rest(state),
-            _ => false,
-        };
-        if input.current && done {
-            self.wish = Wish::Observe;
-            // That the module hears of it is yet to come.
-            self.input = Some(Input { current: false, ..input });
+    /// Takes a report. Motion that has ended with it needs its permit no more.
+    fn reported(&mut self, input: Input) -> Option<Permit> {
+        let current = input.current && self.shown;
+        self.input = Some(Input { current, ..input });
+        let next = input.feedback.ends(self.wish).filter(|_| current)?;
+        let before = core::mem::replace(&mut self.wish, next);
+        // That the drive hears of it is yet to come.
+        self.unanswered();
+        match before {
+            Wish::Move(_, permit) => Some(permit),
+            _ => None,
         }
     }
-}
-
-/// Whether a module in this state follows no set-point.
-pub fn at_rest(state: Module) -> bool {
-    matches!(state, Module::Disabled | Module::Held | Module::Fault(_))
 }
 
 impl Slot {
     fn wake(&mut self) {
         self.waiting.wake();
     }
+
+    /// The bus has seen what is wanted.
+    fn show(&mut self) {
+        if !core::mem::replace(&mut self.view.shown, true) {
+            self.wake();
+        }
+    }
 }
 
 impl Desk {
-    /// An axis is on a cyclic bus, with these gains at first. Before anything else, after
+    /// An axis is on a cyclic bus, with these gains at first, where it is a module. Before anything else, after
     /// [`configure`](Desk::configure).
     pub fn add_cyclic(&self, axis: u8, bus: u8, gains: Gains) {
         self.with(|state| {
@@ -173,9 +251,7 @@ impl Desk {
     pub fn set_gains(&self, now: Instant, permit: Permit, gains: Gains) -> bool {
         self.want(now, permit, |view| {
             view.gains = gains;
-            if let Some(input) = &mut view.input {
-                input.current = false;
-            }
+            view.unanswered();
         })
     }
 
@@ -189,29 +265,41 @@ impl Desk {
         self.want(now, permit, |view| view.want(Wish::Off))
     }
 
-    /// Going to a position, ±[`MAX_SET_POINT`] counts. Motion has begun with it: from now on the holder of the lease must
-    /// show life.
-    pub fn follow(&self, now: Instant, permit: Permit, set_point: i32) -> bool {
+    /// Out of its fault, and no current, under a permit. The number is another one each time.
+    pub fn reset(&self, now: Instant, permit: Permit, serial: u32) -> bool {
+        self.want(now, permit, |view| view.want(Wish::Clear(serial)))
+    }
+
+    /// Motion, which has begun with it: from now on the holder of the lease must show life.
+    pub fn go(&self, now: Instant, permit: Permit, motion: Motion) -> bool {
         self.on_slot(now, permit.axis(), |state| {
             permit.commands(&state.leases, now).then_some(())?;
             let slot = state.image.get_mut(usize::from(permit.axis()))?.as_mut()?;
             (slot.view.wish != Wish::Off).then_some(())?;
-            slot.view.want(Wish::Follow(set_point, permit));
+            slot.view.want(Wish::Move(motion, permit));
             state.leases.get_mut(usize::from(permit.axis()))?.run(now);
             Some(())
         })
         .is_some()
     }
 
-    /// Standstill. Allowed to everyone.
+    /// Standstill of a module. Allowed to everyone.
     pub fn stop_cyclic(&self, now: Instant, axis: u8) {
         self.on_slot(now, axis, |state| {
             let view = &mut state.image.get_mut(usize::from(axis))?.as_mut()?.view;
             match view.wish {
                 Wish::Observe => view.want(Wish::Stop),
-                Wish::Follow(..) => view.want(Wish::Hold),
-                Wish::Stop | Wish::Hold | Wish::Off => {}
+                Wish::Move(motion, _) => view.want(motion.ended()),
+                Wish::Stop | Wish::Hold | Wish::Off | Wish::Clear(_) => {}
             }
+            Some(())
+        });
+    }
+
+    /// A quick stop of a CiA 402 drive. Allowed to everyone.
+    pub fn quick_stop(&self, now: Instant, axis: u8) {
+        self.on_slot(now, axis, |state| {
+            state.image.get_mut(usize::from(axis))?.as_mut()?.view.want(Wish::Stop);
             Some(())
         });
     }
@@ -297,89 +385,6 @@ fn viewed(state: &mut State, now: Instant, axis: u8) -> Option<&mut Slot> {
     let slot = state.image.get_mut(usize::from(axis))?.as_mut()?;
     slot.view.refresh(&state.leases, now);
     Some(slot)
-}
-
-/// The image as one bus sees it.
-pub struct BusImage<'d> {
-    /// The desk.
-    pub desk: &'d Desk,
-    /// Index of the bus.
-    pub bus: u8,
-    /// The axes of the bus, in its order.
-    pub axes: Vec<u8, AXES>,
-}
-
-impl BusImage<'_> {
-    fn axis(&self, place: usize) -> Option<u8> {
-        self.axes.get(place).copied()
-    }
-
-    fn on_bus(&self, f: impl FnOnce(&mut super::Bus)) {
-        self.desk.with(|state| state.buses.get_mut(usize::from(self.bus)).map(f));
-    }
-}
-
-impl Image for BusImage<'_> {
-    fn outputs(&self, now: Instant, mut set: impl FnMut(usize, Output)) {
-        self.desk.with(|state| {
-            for (place, axis) in self.axes.iter().enumerate() {
-                if let Some(slot) = viewed(state, now, *axis) {
-                    set(place, slot.view.output());
-                }
-            }
-        });
-    }
-
-    fn reported(&self, now: Instant, place: usize, report: Report, current: bool) {
-        let Some(axis) = self.axis(place) else { return };
-        self.desk.with(|state| {
-            if let Some(slot) = viewed(state, now, axis) {
-                slot.view.reported(Input { at: now, report, current });
-                slot.wake();
-            }
-        });
-    }
-
-    fn happened(&self, place: usize, event: Event) {
-        if let (Some(axis), Event::Fault(cause)) = (self.axis(place), event) {
-            log::warn!("axis {} of the settings: {cause}", axis + 1);
-        }
-    }
-
-    fn fell(&self, now: Instant, place: usize, to: Control) {
-        let Some(axis) = self.axis(place) else { return };
-        let fault = self.desk.on_slot(now, axis, |state| {
-            let view = &mut state.image.get_mut(usize::from(axis))?.as_mut()?.view;
-            match (view.wish, to) {
-                (Wish::Follow(..), Control::Hold) => view.want(Wish::Hold),
-                (Wish::Follow(..) | Wish::Hold, Control::Observe) => view.want(Wish::Observe),
-                // It is not wanted any more in any case.
-                _ => {}
-            }
-            Some(matches!(view.input?.report.state, Module::Fault(_)))
-        });
-        let cause = if fault == Some(true) { Cause::DriveFault } else { Cause::Stopped };
-        self.desk.fallen(now, axis, cause);
-    }
-
-    async fn changed(&self) {
-        match self.desk.work.get(usize::from(self.bus)) {
-            Some(signal) => signal.wait().await,
-            None => core::future::pending().await,
-        }
-    }
-
-    fn counted(&self, statistics: Statistics) {
-        self.on_bus(|bus| bus.cycles = statistics);
-    }
-
-    fn line(&self, down: bool) {
-        self.on_bus(|bus| bus.line_down = down);
-    }
-
-    fn alive(&self, until: Instant) {
-        self.on_bus(|bus| bus.alive_until = Some(until));
-    }
 }
 
 #[cfg(test)]

@@ -54,6 +54,8 @@ pub enum Cause {
     StopUnconfirmed,
     /// The drive has switched itself off.
     DriveFault,
+    /// The drive, or its bus, is not there any more.
+    DriveLost,
     /// The gateway itself has started anew while the axis may have moved.
     Restarted,
 }
@@ -67,6 +69,7 @@ impl Cause {
             Cause::Stopped => "stopped-by-other",
             Cause::StopUnconfirmed => "stop-unconfirmed",
             Cause::DriveFault => "drive-fault",
+            Cause::DriveLost => "drive-lost",
             Cause::Restarted => "gateway-restarted",
         }
     }
@@ -420,11 +423,14 @@ impl Desk {
     }
 
     /// The drive itself has ended the motion of its commander, who must keep still from now on. It has been seen at
-    /// rest, so that nobody has to stop it.
+    /// rest, so that nobody has to stop it; but one that is lost is to be stopped as soon as it is there again.
     pub(super) fn fallen(&self, now: Instant, axis: u8, cause: Cause) {
         self.on_axis(axis, |state| {
             if let Some(lease) = state.take_from_others(Holder::Gateway, now) {
                 state.event = Some(Event { cause, holder: lease.holder, at: now });
+                if cause == Cause::DriveLost {
+                    state.stopping = Stopping::Owed(cause);
+                }
             }
             state.epoch = state.epoch.wrapping_add(1);
         });

@@ -6,14 +6,18 @@
 //! is queued without bound, nothing is sent twice, and what is dropped before it was sent never is.
 
 mod breaker;
+mod can;
 mod duty;
+mod fair;
 mod image;
 mod lease;
 mod mail;
 mod pending;
 mod queue;
 mod route;
+mod seats;
 mod statistics;
+mod turn;
 
 use core::cell::RefCell;
 use core::fmt;
@@ -26,14 +30,19 @@ use puente_framed::arbiter::Failure as LineFailure;
 use puente_line::{Duration, Instant};
 use puente_modbus::Evidence;
 
+pub use can::{
+    CanBus, CanFailure, CanFollower, CanSpec, CanStatistics, Heard, Lost, LssFailure, Origin, SdoOrder,
+    SdoPending, SdoTransfer, What,
+};
 pub use duty::Duty;
-pub use image::{BusImage, Input, View, Wish, at_rest};
+pub use image::{BusImage, Feedback, Input, Kind, Modules, Motion, Servos, View, Wish, at_rest};
 pub use lease::{Cause, Event, Holder, Leased, Permit};
-pub use mail::{Follower, Frame, MailStatistics, Permits, Turn};
+pub use mail::{Follower, Frame, MailStatistics, Turn};
 pub use pending::Pending;
 pub use queue::BusQueue;
 pub use route::Units;
 pub use statistics::{BUCKETS_MS, Statistics, Traffic};
+pub use turn::Permits;
 
 use crate::port::limits::{AXES, BUSES, TICKETS};
 
@@ -146,9 +155,7 @@ struct Bus {
     spec: BusSpec,
     breaker: breaker::Breaker,
     statistics: Statistics,
-    last_seat: u8,
-    /// The last request but for stops was a [`Class::Motion`].
-    last_moved: bool,
+    fair: fair::Fair,
     /// Before this moment its pump gives the next sign of life; none until the first.
     alive_until: Option<Instant>,
     /// Of a cyclic bus.
@@ -164,12 +171,14 @@ struct State {
     image: image::Slots,
     lease_time: Duration,
     mail: mail::Mail,
+    can: can::Can,
+    seats: seats::Seats,
 }
 
 /// The desk. One for the whole gateway, shared by every task.
 pub struct Desk {
     state: Mutex<CriticalSectionRawMutex, RefCell<State>>,
-    outgoing: mail::Place,
+    outgoing: mail::Outgoing,
     work: [Signal<CriticalSectionRawMutex, ()>; BUSES],
     leases_changed: [Signal<CriticalSectionRawMutex, ()>; AXES],
 }
@@ -191,8 +200,10 @@ impl Desk {
                 image: Vec::new(),
                 lease_time: Duration::ZERO,
                 mail: mail::Mail::new(),
+                can: can::Can::new(),
+                seats: seats::Seats::new(),
             })),
-            outgoing: mail::Place::new(mail::Frame::new()),
+            outgoing: mail::Outgoing::new(mail::Frame::new()),
             work: [const { Signal::new() }; BUSES],
             leases_changed: [const { Signal::new() }; AXES],
         }
@@ -212,8 +223,7 @@ impl Desk {
                     spec,
                     breaker,
                     statistics,
-                    last_seat: 0,
-                    last_moved: false,
+                    fair: fair::Fair::new(),
                     alive_until: None,
                     cycles: Default::default(),
                     line_down: false,
@@ -225,6 +235,13 @@ impl Desk {
 
     fn with<R>(&self, f: impl FnOnce(&mut State) -> R) -> R {
         self.state.lock(|state| f(&mut state.borrow_mut()))
+    }
+
+    /// Tells the pump of a bus that there is something to do.
+    fn work(&self, bus: Option<u8>) {
+        if let Some(signal) = bus.and_then(|bus| self.work.get(usize::from(bus))) {
+            signal.signal(());
+        }
     }
 
     /// The bus that serves a unit id from 1 to 255.
@@ -282,9 +299,7 @@ impl Desk {
             ticket.ok_or(Reason::QueueFull)
         });
         let ticket = ticket.map_err(Failure::NotSent)?;
-        if let Some(signal) = self.work.get(bus) {
-            signal.signal(());
-        }
+        self.work(Some(order.bus));
         Ok(Pending::new(self, ticket))
     }
 }

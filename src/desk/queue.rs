@@ -8,6 +8,7 @@ use puente_line::Instant;
 use puente_modbus::request::Request;
 use puente_modbus::{Outcome, Pdu};
 
+use super::fair::Rank;
 use super::{Class, Desk, Failure, Order, Reason};
 use crate::bus::{End, Haste, Job, Next, Ticket, Work};
 use crate::port::limits::{PIPELINE, TICKETS};
@@ -151,11 +152,6 @@ impl Queue {
     }
 }
 
-/// How many seats `seat` comes after the one served last: the lower, the sooner its turn.
-fn distance(seat: u8, last: u8) -> u8 {
-    seat.wrapping_sub(last).wrapping_sub(1)
-}
-
 /// The desk as one bus sees it.
 pub struct BusQueue<'d> {
     /// The desk.
@@ -171,7 +167,7 @@ impl Work for BusQueue<'_> {
                 return Next::Wait(None);
             };
             let mut wake: Option<Instant> = None;
-            let mut best: Option<((bool, bool, u8, u32), usize)> = None;
+            let mut best: Option<(Rank, usize)> = None;
             for (index, entry) in state.queue.entries.iter_mut().enumerate() {
                 if !matches!(entry.phase, Phase::Queued) || entry.bus != self.bus {
                     continue;
@@ -198,13 +194,7 @@ impl Work for BusQueue<'_> {
                     wake = Some(wake.map_or(moment, |wake| wake.min(moment)));
                     continue;
                 }
-                let moves = matches!(entry.class, Class::Motion(_));
-                let rank = (
-                    entry.class != Class::Stop,
-                    moves == bus.last_moved,
-                    distance(entry.seat, bus.last_seat),
-                    entry.serial,
-                );
+                let rank = bus.fair.rank(entry.class, entry.seat, entry.serial);
                 if best.is_none_or(|(other, _)| rank < other) {
                     best = Some((rank, index));
                 }
@@ -214,10 +204,7 @@ impl Work for BusQueue<'_> {
                 return Next::Wait(wake);
             };
             entry.phase = Phase::OnWire;
-            if entry.class != Class::Stop {
-                bus.last_seat = entry.seat;
-                bus.last_moved = matches!(entry.class, Class::Motion(_));
-            }
+            bus.fair.served(entry.class, entry.seat);
             Next::Job(Job { ticket: Ticket(index as u16), unit: entry.unit, haste: entry.haste() })
         })
     }

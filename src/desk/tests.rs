@@ -11,12 +11,12 @@ use crate::port::limits::PIPELINE;
 
 const LEASE: Duration = Duration::from_millis(250);
 
-fn desk() -> Desk {
+fn desk() -> Box<Desk> {
     let mut units = Units::default();
     (1..=16).for_each(|unit| units.insert(unit));
     let spec =
         BusSpec { units, queue_timeout: Duration::from_secs(3), reply_timeout: Duration::from_millis(500) };
-    let desk = Desk::new();
+    let desk = Box::new(const { Desk::new() });
     desk.configure([spec], LEASE);
     desk
 }
@@ -312,7 +312,7 @@ fn the_lease_of_a_connection_that_leaves_is_lost_at_once() {
 }
 
 /// A desk whose axis 0 turns under the lease of [`ME`].
-fn turning() -> (Desk, Permit) {
+fn turning() -> (Box<Desk>, Permit) {
     let desk = desk();
     let permit = desk.lease(at(0), 0, ME, None).expect("free");
     assert!(desk.moving(at(0), permit));

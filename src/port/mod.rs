@@ -14,6 +14,8 @@ use puente_line::Settings;
 mod can;
 pub mod journal;
 pub mod record;
+#[cfg(any(not(target_os = "none"), feature = "mps2-an500"))]
+mod slcan;
 
 #[cfg(not(target_os = "none"))]
 pub mod host;

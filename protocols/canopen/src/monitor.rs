@@ -144,6 +144,12 @@ impl Monitor {
         *self = monitor;
     }
 
+    /// Nothing is known of the node any more, and it is not watched: it was told to reset.
+    pub fn forget(&mut self, now: Instant) {
+        self.watch(now, Supervision::Off);
+        self.state = None;
+    }
+
     /// Whether it is guarded.
     pub const fn is_guarding(&self) -> bool {
         matches!(self.supervision, Supervision::Guarding { .. })

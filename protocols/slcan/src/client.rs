@@ -55,7 +55,7 @@ pub enum Action {
 /// What follows from the adapter's bytes, or from its silence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// A frame that was on the bus.
+    /// A frame that was on the bus; one may come just before it is known that the channel is open.
     Heard(Frame),
     /// The channel is open.
     Opened(Flow),
@@ -113,6 +113,8 @@ enum State {
 #[derive(Clone, Copy, Debug)]
 enum Asked {
     Send(Frame),
+    /// For another time.
+    Again(Frame),
     Flags,
 }
 
@@ -235,7 +237,11 @@ impl Client {
                 self.counters.garbled = self.counters.garbled.saturating_add(1);
                 None
             }
-            (Some(Reply::Heard { frame, .. }), State::Open) => {
+            (
+                Some(Reply::Heard { .. }),
+                State::Next(Step::Rate | Step::Open) | State::Waiting(Step::Rate, _),
+            ) => None,
+            (Some(Reply::Heard { frame, .. }), _) => {
                 if self.sent_by > now {
                     self.sent_by += self.wire_time(frame.bits());
                 }
@@ -276,13 +282,16 @@ impl Client {
         self.due = now + PATIENCE;
         match (reply, self.asked.pop_front()?) {
             (Reply::Flags(flags), Asked::Flags) => Some(Event::Flags(flags)),
-            (Reply::Done | Reply::Taken { .. }, Asked::Send(_)) => {
+            (Reply::Done | Reply::Taken { .. }, Asked::Send(_) | Asked::Again(_)) => {
                 self.attempts = 0;
                 None
             }
-            (Reply::Refused, Asked::Send(frame)) => {
+            (Reply::Refused, asked @ (Asked::Send(frame) | Asked::Again(frame))) => {
                 // There is room: those that were said and those to be said again are no more than the window.
-                let _ = self.again.push_back(frame);
+                let _ = match asked {
+                    Asked::Again(_) => self.again.push_front(frame),
+                    _ => self.again.push_back(frame),
+                };
                 self.again_at = now + FULL;
                 self.attempts = self.attempts.saturating_add(1);
                 self.counters.refused = self.counters.refused.saturating_add(1);
@@ -348,14 +357,14 @@ impl Client {
             self.flags_at = Some(now + FLAGS);
             return self.ask(now, Asked::Flags);
         }
-        let frame = if self.again.is_empty() {
-            self.next.take()
+        let asked = if self.again.is_empty() {
+            self.next.take().map(Asked::Send)
         } else if now >= self.again_at && self.asked.is_empty() {
-            self.again.pop_front()
+            self.again.pop_front().map(Asked::Again)
         } else {
             None
         };
-        frame.map_or(Action::Idle, |frame| self.ask(now, Asked::Send(frame)))
+        asked.map_or(Action::Idle, |asked| self.ask(now, asked))
     }
 
     fn ask(&mut self, now: Instant, asked: Asked) -> Action {
@@ -369,7 +378,7 @@ impl Client {
             self.sent_by = self.sent_by.max(now) + self.wire_time(frame.bits());
         }
         Action::Transmit(match asked {
-            Asked::Send(frame) => Command::Send(frame).emit(),
+            Asked::Send(frame) | Asked::Again(frame) => Command::Send(frame).emit(),
             Asked::Flags => Command::Flags.emit(),
         })
     }

@@ -1,12 +1,16 @@
 //! The image with a mock clock: motion under a permit only, and answers that answer.
 
+use core::marker::PhantomData;
 use core::task::{Context, Waker};
 
 use puente_drives::pid::Cause as Fault;
-use puente_modules::Refusal;
+use puente_drives::pid::State as Module;
+use puente_modules::master::Output;
+use puente_modules::{Control, Refusal};
 
 use super::*;
-use crate::desk::{BusSpec, Event as Latched, Holder, Units};
+use crate::bus::Image;
+use crate::desk::{BusSpec, Cause, Event as Latched, Holder, Units};
 
 const LEASE: Duration = Duration::from_millis(250);
 const HOLDER: Holder = Holder::Connection(1);
@@ -17,17 +21,17 @@ fn at(millis: u64) -> Instant {
 }
 
 /// A desk whose axis 1 is the only one of its only bus.
-fn desk() -> Desk {
+fn desk() -> Box<Desk> {
     let spec =
         BusSpec { units: Units::default(), queue_timeout: Duration::ZERO, reply_timeout: Duration::ZERO };
-    let desk = Desk::new();
+    let desk = Box::new(const { Desk::new() });
     desk.configure([spec], LEASE);
     desk.add_cyclic(1, 0, Gains::new(0.5, 0.0, 0.0).expect("gains"));
     desk
 }
 
-fn bus(desk: &Desk) -> BusImage<'_> {
-    BusImage { desk, bus: 0, axes: [1].into_iter().collect() }
+fn bus(desk: &Desk) -> BusImage<'_, Modules> {
+    BusImage { desk, bus: 0, axes: [1].into_iter().collect(), kind: PhantomData }
 }
 
 fn output(desk: &Desk, now: Instant) -> Output {
@@ -44,6 +48,9 @@ fn control(desk: &Desk, now: Instant) -> Control {
 
 fn report(desk: &Desk, now: Instant, state: Module, current: bool) {
     let refused = (state == Module::Disabled).then_some(Refusal::NoEdge);
+    if current {
+        output(desk, now);
+    }
     let report = Report { state, refused, position: 77, following_error: 0, velocity: 0.0, command: 0.0 };
     bus(desk).reported(now, 0, report, current);
 }
@@ -53,7 +60,7 @@ fn moving(desk: &Desk, now: Instant) -> Permit {
     let permit = desk.lease(now, 1, HOLDER, None).expect("a lease");
     assert!(desk.hold(now, permit));
     report(desk, now, Module::Held, true);
-    assert!(desk.follow(now, permit, 1000));
+    assert!(desk.go(now, permit, Motion::Follow(1000)));
     permit
 }
 
@@ -63,7 +70,7 @@ fn nothing_is_wanted_at_first_and_no_gains_are_lost() {
     let first = output(&desk, at(0));
     assert_eq!((first.control, first.gains.kp(), first.set_point), (Control::Observe, 0.5, 0));
     let mut others = 0;
-    BusImage { desk: &desk, bus: 0, axes: [0, 7].into_iter().collect() }.outputs(at(0), |_, _| others += 1);
+    BusImage { axes: [0, 7].into_iter().collect(), ..bus(&desk) }.outputs(at(0), |_, _| others += 1);
     assert_eq!(others, 0, "they are on no cyclic bus");
     assert_eq!(desk.view(at(0), 0), desk.view(at(0), 200));
 }
@@ -73,14 +80,14 @@ fn motion_is_wanted_under_a_lease_and_ends_with_it() {
     let desk = desk();
     let permit = desk.permit(at(0), 1, HOLDER).expect("a permit");
     assert!(desk.hold(at(0), permit));
-    assert!(!desk.follow(at(0), permit, 1000), "there is no lease");
+    assert!(!desk.go(at(0), permit, Motion::Follow(1000)), "there is no lease");
     assert_eq!(control(&desk, at(0)), Control::Hold);
     let permit = moving(&desk, at(0));
     assert_eq!((control(&desk, at(1)), output(&desk, at(1)).set_point), (Control::Follow, 1000));
     // It runs out, and nobody but the pump looks.
     assert_eq!(control(&desk, at(249)), Control::Follow);
     assert_eq!(control(&desk, at(250)), Control::Hold);
-    assert!(!desk.follow(at(251), permit, 2000));
+    assert!(!desk.go(at(251), permit, Motion::Follow(2000)));
     assert_eq!(desk.event(1).map(|event| event.cause), None, "the watchman finds it");
     assert!(desk.lease(at(251), 1, OTHER, None).is_err(), "and stops it, before it moves again");
     assert_eq!(desk.event(1).map(|event| event.cause), Some(Cause::Expired));
@@ -128,7 +135,7 @@ fn off_is_said_until_it_is_so_whatever_else_is_wanted() {
     desk.switch_off(at(1), 1);
     desk.stop_cyclic(at(1), 1);
     desk.hold(at(1), permit);
-    desk.follow(at(1), permit, 5);
+    desk.go(at(1), permit, Motion::Follow(5));
     desk.give_up(at(1), 1);
     bus(&desk).fell(at(1), 0, Control::Observe);
     for (state, current) in
@@ -152,10 +159,30 @@ fn an_answer_is_one_to_what_is_wanted_now() {
     assert!(!answers(at(1)));
     report(&desk, at(2), Module::Enabled, true);
     assert!(answers(at(2)));
-    assert!(desk.follow(at(3), permit, 2000));
+    assert!(desk.go(at(3), permit, Motion::Follow(2000)));
     assert!(answers(at(3)), "another aim is no other wish");
     assert!(desk.set_gains(at(4), permit, Gains::default()));
     assert!(!answers(at(4)), "other gains are");
+}
+
+/// A client may change what is wanted between two looks of the pump, which then takes what it had heard for the answer.
+#[test]
+fn a_report_answers_nothing_that_the_bus_has_not_seen() {
+    let desk = desk();
+    report(&desk, at(0), Module::Held, true);
+    desk.stop_cyclic(at(1), 1);
+    let held = Report {
+        state: Module::Held,
+        refused: None,
+        position: 77,
+        following_error: 0,
+        velocity: 0.0,
+        command: 0.0,
+    };
+    bus(&desk).reported(at(2), 0, held, true);
+    assert_eq!(desk.view(at(2), 1).wish, Wish::Stop);
+    report(&desk, at(3), Module::Held, true);
+    assert_eq!(desk.view(at(3), 1).wish, Wish::Observe);
 }
 
 /// A module enables itself for one whom it has heard let go. What it said of a stop told nothing of that.
@@ -187,7 +214,7 @@ fn a_drive_that_falls_ends_the_lease_of_its_commander_who_must_keep_still() {
         assert_eq!(control(&desk, at(5)), to);
         assert_eq!(desk.leased(at(5), 1), None);
         assert_eq!(desk.event(1), Some(Latched { cause, holder: HOLDER, at: at(5) }));
-        assert!(!desk.hold(at(5), permit) && !desk.follow(at(5), permit, 1));
+        assert!(!desk.hold(at(5), permit) && !desk.go(at(5), permit, Motion::Follow(1)));
         assert!(desk.lease(at(6), 1, HOLDER, None).is_err());
         assert!(desk.lease(at(6), 1, OTHER, None).is_ok());
         assert!(desk.at_rest() || desk.leased(at(6), 1).is_some(), "nobody has to stop it");
@@ -205,7 +232,7 @@ fn where_it_stands_is_where_it_is_held() {
 fn who_waits_is_woken_by_reports_and_by_wishes() {
     let desk = desk();
     let minute = Duration::from_secs(60);
-    let mut held = core::pin::pin!(desk.until(1, minute, |view| view.answer().map(|report| report.state)));
+    let mut held = core::pin::pin!(desk.until(1, minute, |view| Some(view.answer()?.module()?.state)));
     let mut poll = || held.as_mut().poll(&mut Context::from_waker(Waker::noop()));
     assert!(poll().is_pending());
     report(&desk, clock::now(), Module::Held, false);

@@ -5,26 +5,22 @@
 //! in a ring, which each client follows at its own pace; who is too slow is told how much it has lost.
 
 mod heard;
-mod turn;
 
 use core::future::poll_fn;
 use core::num::NonZeroU32;
 use core::task::Poll;
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
-use embassy_sync::mutex::Mutex;
-use embassy_sync::waitqueue::WakerRegistration;
-use heapless::{Deque, Vec};
+use embassy_sync::mutex::{Mutex, MutexGuard};
+use heapless::Vec;
 use puente_framed::frame::{HEADER, MAX_FRAME};
 use puente_framed::section::{NOBODY, Section, Sections, TRAILER};
 use puente_line::Instant;
 
-pub use turn::Turn;
-
-use super::lease::AxisLease;
-use super::{BusImage, Desk, Permit, Units};
+use super::seats::Seats;
+use super::turn::{self, Which};
+use super::{BusImage, Desk, Modules, Permits, State, Units};
 use crate::bus::{Post, Taken, Undelivered};
-use crate::port::limits::{AXES, SLOTS};
 use heard::{Heard, Mark, Next};
 
 /// Bytes of a frame after its packet.
@@ -33,9 +29,7 @@ const AFTER: usize = 2;
 /// The bytes of a frame.
 pub type Frame = Vec<u8, MAX_FRAME>;
 /// The outgoing frame. Whose turn it is has it to himself, then the pump.
-pub(super) type Place = Mutex<CriticalSectionRawMutex, Frame>;
-/// What a frame needs in order to go: one for each axis that it moves.
-pub type Permits = Vec<Permit, AXES>;
+pub(super) type Outgoing = Mutex<CriticalSectionRawMutex, Frame>;
 
 /// What was counted of clients' frames, modulo 2^32.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -58,35 +52,8 @@ pub(super) struct Mail {
     followers: u8,
     /// and the addresses that any of them has given as its own.
     addresses: Units,
-    /// Who waits for the outgoing place, by seat.
-    queue: Deque<u8, SLOTS>,
-    phase: Phase,
-    permits: Permits,
-    /// A client that waits for anything here, by seat.
-    wakers: [WakerRegistration; SLOTS],
+    outgoing: turn::Place<Result<(), Undelivered>>,
     statistics: MailStatistics,
-}
-
-/// What the outgoing place is used for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Phase {
-    Free,
-    /// Whose turn it is writes.
-    Writing(u8),
-    /// The frame waits for the pump.
-    Ready(Sender),
-    /// The pump has it.
-    Sending(Sender),
-    /// What has become of it.
-    Ended(u8, Result<(), Undelivered>),
-}
-
-/// Who sends a frame: nobody where its client is gone.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Sender {
-    seat: Option<u8>,
-    /// The frame stops axes, and moves none: it goes even where its client is gone.
-    stop: bool,
 }
 
 impl Mail {
@@ -96,85 +63,69 @@ impl Mail {
             heard: Heard::new(),
             followers: 0,
             addresses: Units::none(),
-            queue: Deque::new(),
-            phase: Phase::Free,
-            permits: Vec::new(),
-            wakers: [const { WakerRegistration::new() }; SLOTS],
+            outgoing: turn::Place::new(),
             statistics: MailStatistics { sent: 0, undelivered: 0, heard: 0, lost: 0 },
         }
     }
 
-    fn wake(&mut self, seat: u8) {
-        if let Some(waker) = self.wakers.get_mut(usize::from(seat)) {
-            waker.wake();
-        }
-    }
-
-    fn register(&mut self, seat: u8, waker: &core::task::Waker) {
-        if let Some(place) = self.wakers.get_mut(usize::from(seat)) {
-            place.register(waker);
-        }
-    }
-
-    /// The place is free for the next one.
-    fn free(&mut self) {
-        self.phase = Phase::Free;
-        if let Some(seat) = self.queue.front().copied() {
-            self.wake(seat);
-        }
-    }
-
     /// What has become of the frame that the pump has.
-    fn end(&mut self, outcome: Result<(), Undelivered>) {
-        let Phase::Sending(sender) = self.phase else { return };
-        let counter = match outcome {
-            Ok(()) => &mut self.statistics.sent,
-            Err(_) => &mut self.statistics.undelivered,
-        };
-        *counter = counter.wrapping_add(1);
-        match sender.seat {
-            Some(seat) => {
-                self.phase = Phase::Ended(seat, outcome);
-                self.wake(seat);
-            }
-            None => self.free(),
-        }
-    }
-
-    /// Whether the pump may have the frame now.
-    fn take(&mut self, leases: &[AxisLease], now: Instant) -> bool {
-        let Phase::Ready(sender) = self.phase else {
-            return false;
-        };
-        self.phase = Phase::Sending(sender);
-        let may = self.permits.iter().all(|permit| permit.commands(leases, now));
-        if !may {
-            self.end(Err(Undelivered::Stopped));
-        }
-        may
-    }
-
-    /// The pump could not use it yet.
-    fn give_back(&mut self) {
-        if let Phase::Sending(sender) = self.phase {
-            if sender.seat.is_some() || sender.stop {
-                self.phase = Phase::Ready(sender);
-            } else {
-                self.free();
-            }
+    fn end(&mut self, seats: &mut Seats, outcome: Result<(), Undelivered>) {
+        if self.outgoing.end(seats, outcome) {
+            let counter = match outcome {
+                Ok(()) => &mut self.statistics.sent,
+                Err(_) => &mut self.statistics.undelivered,
+            };
+            *counter = counter.wrapping_add(1);
         }
     }
 
     /// Keeps a frame whose checks held, if it is for any client.
-    fn keep(&mut self, frame: &[u8]) {
+    fn keep(&mut self, seats: &mut Seats, frame: &[u8]) {
         let packet = frame.get(HEADER..frame.len().saturating_sub(AFTER)).unwrap_or_default();
         let wanted = |section: Section<'_>| self.addresses.contains(section.address);
         if Sections::new(packet).any(wanted) {
             self.statistics.heard = self.statistics.heard.wrapping_add(1);
             self.heard.push(frame);
             // Each of them looks whether it is for it.
-            self.wakers.iter_mut().for_each(WakerRegistration::wake);
+            seats.wake_all();
         }
+    }
+}
+
+/// The outgoing place.
+#[derive(Clone, Copy)]
+struct Out;
+
+impl Which for Out {
+    type Outcome = Result<(), Undelivered>;
+
+    fn place(self, state: &mut State) -> Option<(&mut turn::Place<Self::Outcome>, &mut Seats)> {
+        Some((&mut state.mail.outgoing, &mut state.seats))
+    }
+
+    fn bus(self, state: &State) -> Option<u8> {
+        state.mail.bus
+    }
+}
+
+/// A client's turn to send a frame. The next client's begins when it is dropped. Then a frame that has not been taken for the
+/// line is forgotten, except one that stops axes.
+pub struct Turn<'d>(turn::Turn<'d, Out>);
+
+impl Turn<'_> {
+    /// The place for the frame. To be let go before the frame is sent.
+    pub async fn frame(&self) -> MutexGuard<'_, CriticalSectionRawMutex, Frame> {
+        self.0.desk.outgoing.lock().await
+    }
+
+    /// Gives the frame to the bus, which sends it while all permits hold; `stop` where it stops axes and moves none.
+    pub fn send(&mut self, permits: Permits, stop: bool) {
+        self.0.send(permits, stop);
+    }
+
+    /// Waits until the frame has been on the line, or never will.
+    pub async fn outcome(&mut self) -> Result<(), Undelivered> {
+        self.0.outcome().await
     }
 }
 
@@ -192,6 +143,11 @@ impl Desk {
     /// What was counted of clients' frames.
     pub fn mail_statistics(&self) -> MailStatistics {
         self.with(|state| state.mail.statistics)
+    }
+
+    /// Waits for the turn of the client of a seat to send a frame: whoever came before goes first.
+    pub async fn turn(&self, seat: u8) -> Turn<'_> {
+        Turn(self.turn_at(Out, seat).await)
     }
 
     /// Follows the bus from now on, for the client of a seat.
@@ -229,7 +185,7 @@ impl Follower<'_> {
             desk.with(|state| match state.mail.heard.next(mark, addresses) {
                 Some(_) => Poll::Ready(()),
                 None => {
-                    state.mail.register(*seat, context.waker());
+                    state.seats.register(*seat, context.waker());
                     Poll::Pending
                 }
             })
@@ -263,37 +219,43 @@ impl Drop for Follower<'_> {
     }
 }
 
-impl Post for BusImage<'_> {
+impl Post for BusImage<'_, Modules> {
     fn outgoing(&self, now: Instant, take: impl FnOnce(&[u8]) -> Taken) {
-        let ready =
-            self.desk.with(|state| state.mail.bus == Some(self.bus) && state.mail.take(&state.leases, now));
-        if !ready {
+        let ready = self.desk.with(|state| {
+            let State { mail, seats, leases, .. } = state;
+            let may = mail.bus == Some(self.bus) && mail.outgoing.take(leases, now)?;
+            if !may {
+                mail.end(seats, Err(Undelivered::Stopped));
+            }
+            Some(may)
+        });
+        if ready != Some(true) {
             return;
         }
         // Nobody else has it now.
         let taken = self.desk.outgoing.try_lock().map_or(Taken::NotYet, |frame| take(&frame));
-        self.desk.with(|state| match taken {
+        self.desk.with(|State { mail, seats, .. }| match taken {
             Taken::Yes => {}
-            Taken::NotYet => state.mail.give_back(),
-            Taken::Never(why) => state.mail.end(Err(why)),
+            Taken::NotYet => mail.outgoing.give_back(seats),
+            Taken::Never(why) => mail.end(seats, Err(why)),
         });
     }
 
     fn posted(&self, outcome: Result<(), Undelivered>) {
         let frame = self.desk.outgoing.try_lock();
-        self.desk.with(|state| {
-            if let (Phase::Sending(_), Ok(()), Ok(frame)) = (state.mail.phase, outcome, &frame) {
+        self.desk.with(|State { mail, seats, .. }| {
+            if let (true, Ok(()), Ok(frame)) = (mail.outgoing.is_sending(), outcome, &frame) {
                 // The station does not hear what it says itself, and another client may be whom it is for.
-                state.mail.keep(frame);
+                mail.keep(seats, frame);
             }
-            state.mail.end(outcome);
+            mail.end(seats, outcome);
         });
     }
 
     fn heard(&self, frame: &[u8]) {
         self.desk.with(|state| {
             if state.mail.bus == Some(self.bus) {
-                state.mail.keep(frame);
+                state.mail.keep(&mut state.seats, frame);
             }
         });
     }

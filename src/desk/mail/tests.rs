@@ -1,5 +1,6 @@
 //! Turns at the outgoing place, and what becomes of a frame there.
 
+use core::marker::PhantomData;
 use core::pin::pin;
 use core::task::{Context, Poll, Waker};
 
@@ -10,8 +11,8 @@ use puente_line::Duration;
 use super::*;
 use crate::desk::{BusSpec, Holder};
 
-fn desk() -> Desk {
-    let desk = Desk::new();
+fn desk() -> Box<Desk> {
+    let desk = Box::new(const { Desk::new() });
     let spec =
         BusSpec { units: Units::default(), queue_timeout: Duration::ZERO, reply_timeout: Duration::ZERO };
     desk.configure([spec], Duration::from_millis(250));
@@ -19,8 +20,8 @@ fn desk() -> Desk {
     desk
 }
 
-fn bus(desk: &Desk) -> BusImage<'_> {
-    BusImage { desk, bus: 0, axes: Vec::new() }
+fn bus(desk: &Desk) -> BusImage<'_, Modules> {
+    BusImage { desk, bus: 0, axes: Vec::new(), kind: PhantomData }
 }
 
 fn poll<F: Future>(future: core::pin::Pin<&mut F>) -> Poll<F::Output> {

@@ -67,8 +67,7 @@ fn edb(now: Instant, snapshot: &edb::Snapshot, known: &edb::Known, reply: &mut R
 }
 
 fn pid(now: Instant, view: &View, reply: &mut Reply) {
-    let (Some(input), Some(set_point)) = (view.input, pid::set_point(view)) else { return };
-    let report = input.report;
+    let (Some((at, report)), Some(set_point)) = (view.module(), pid::set_point(view)) else { return };
     say(reply, format_args!(" state={}", pid::state(report.state)));
     if let State::Fault(cause) = report.state {
         say(reply, format_args!(" fault=\"{cause}\""));
@@ -84,7 +83,7 @@ fn pid(now: Instant, view: &View, reply: &mut Reply) {
             if permille < 0 { "-" } else { "" },
             permille.unsigned_abs() / 10,
             permille.unsigned_abs() % 10,
-            millis(now.since(input.at))
+            millis(now.since(at))
         ),
     );
 }

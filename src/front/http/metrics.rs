@@ -96,7 +96,7 @@ fn monitor(known: &Known) -> Option<Monitor> {
 
 fn report(known: &Known) -> Option<Report> {
     match known {
-        Known::Pid(view) => view.input.map(|input| input.report),
+        Known::Pid(view) => view.module().map(|(_, report)| report),
         Known::Edb(_) => None,
     }
 }
@@ -105,7 +105,7 @@ fn report(known: &Known) -> Option<Report> {
 fn read_at(known: &Known) -> Option<Instant> {
     match known {
         Known::Edb(known) => known.snapshot.map(|snapshot| snapshot.at),
-        Known::Pid(view) => view.input.map(|input| input.at),
+        Known::Pid(view) => view.module().map(|(at, _)| at),
     }
 }
 

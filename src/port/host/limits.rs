@@ -16,6 +16,16 @@ pub const BUSES: usize = 8;
 pub const FRAMED: usize = 8;
 /// CANopen buses.
 pub const CANOPEN: usize = 8;
+/// Nodes of a CANopen bus that are booted and watched.
+pub const MEMBERS: usize = 127;
+/// Nodes of a CANopen bus with which there is an SDO transfer at once.
+pub const CHANNELS: usize = 127;
+/// SDO transfers of clients under way at once, on all CANopen buses.
+pub const TRANSFERS: usize = 64;
+/// Bytes that an SDO transfer writes at most, and that are kept of one that reads, for a client that is slow.
+pub const SDO_DATA: usize = 1024;
+/// Frames and events of a CANopen bus that are kept for clients; a power of two.
+pub const CAN_HEARD: usize = 256;
 /// Nodes of which the settings say something, of all CANopen buses.
 pub const NODES: usize = 64;
 /// Values that the settings have written to a node.

@@ -167,6 +167,23 @@ impl Line {
         self.wire.borrow().clone()
     }
 
+    /// Reads what is there, once it is open.
+    pub(super) async fn read_open(&self, buffer: &mut [u8]) -> io::Result<usize> {
+        let wire = self.wire().ok_or(io::ErrorKind::NotConnected)?;
+        wire.read(buffer).await.inspect_err(|error| self.lost(&wire, error))
+    }
+
+    /// Opens it where it is not, and writes.
+    pub(super) async fn write(&self, bytes: &[u8]) -> io::Result<usize> {
+        let wire = self.open().await.map_err(|error| io::Error::new(io::ErrorKind::NotConnected, error))?;
+        wire.write(bytes).await.inspect_err(|error| self.lost(&wire, error))
+    }
+
+    /// Opens it where it is not; false where that fails.
+    pub(super) async fn ready(&self) -> bool {
+        self.open().await.is_ok()
+    }
+
     async fn open(&self) -> io::Result<Wire> {
         if let Some(wire) = self.wire() {
             return Ok(wire);
@@ -278,8 +295,7 @@ impl ErrorType for Writer<'_> {
 
 impl Write for Writer<'_> {
     async fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let wire = self.0.open().await.map_err(|error| io::Error::new(io::ErrorKind::NotConnected, error))?;
-        wire.write(bytes).await.inspect_err(|error| self.0.lost(&wire, error))
+        self.0.write(bytes).await
     }
 
     /// The system does not tell what is on the line; that the line is open is what can be said.

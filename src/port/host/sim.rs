@@ -44,7 +44,7 @@ enum Kind {
 
 /// The time of a simulation that stands still where its PC is held up.
 #[derive(Default)]
-struct Course {
+pub(super) struct Course {
     /// When it was to be looked at, by its own time.
     due: Instant,
     /// How long it has stood still.
@@ -52,8 +52,13 @@ struct Course {
 }
 
 impl Course {
+    /// Its time begins now.
+    pub(super) fn starting_at(now: Instant) -> Self {
+        Self { due: Instant::ZERO, stood: now.since(Instant::ZERO) }
+    }
+
     /// Its own time.
-    fn now(&mut self, now: Instant) -> Instant {
+    pub(super) fn now(&mut self, now: Instant) -> Instant {
         let own = Instant::ZERO + now.since(Instant::ZERO + self.stood);
         let late = own.since(self.due);
         if late <= STALL {
@@ -63,9 +68,9 @@ impl Course {
         self.due + STALL
     }
 
-    /// It is to be looked at, at the latest, at a moment of its own time that is not before `own`: when that is.
-    fn look_at(&mut self, own: Instant, next: Option<Instant>) -> Option<Instant> {
-        let next = next.map(|next| next.max(own + REST));
+    /// It is to be looked at, at the latest, at a moment of its own time that is `rest` after `own` or later: when that is.
+    pub(super) fn look_at(&mut self, own: Instant, next: Option<Instant>, rest: Duration) -> Option<Instant> {
+        let next = next.map(|next| next.max(own + rest));
         self.due = next.unwrap_or(own);
         next.map(|next| next + self.stood)
     }
@@ -77,10 +82,7 @@ impl Sim {
             Simulation::Modbus(config) => Kind::Modbus(Box::new(Cell::new(config))),
             Simulation::Framed(config) => {
                 let cell = framed::Cell::new(config).map_err(|error| io::Error::other(error.to_string()))?;
-                Kind::Framed(
-                    Box::new(cell),
-                    Course { due: Instant::ZERO, stood: clock::now().since(Instant::ZERO) },
-                )
+                Kind::Framed(Box::new(cell), Course::starting_at(clock::now()))
             }
         };
         Ok(Self { cell: RefCell::new(cell), rest: RefCell::default(), written: Signal::new() })
@@ -137,7 +139,7 @@ impl Kind {
             Self::Modbus(cell) => (cell.poll(now), cell.poll_at()),
             Self::Framed(cell, course) => {
                 let own = course.now(now);
-                (cell.poll(0, own), course.look_at(own, cell.poll_at()))
+                (cell.poll(0, own), course.look_at(own, cell.poll_at(), REST))
             }
         }
     }
@@ -155,12 +157,12 @@ mod tests {
     fn a_simulation_stands_still_where_its_pc_is_held_up() {
         let mut course = Course::default();
         assert_eq!(course.now(at(5)), at(5), "in time");
-        assert_eq!(course.look_at(at(5), Some(at(10))), Some(at(10)));
+        assert_eq!(course.look_at(at(5), Some(at(10)), REST), Some(at(10)));
         assert_eq!(course.now(at(30)), at(30), "late, as any PC is now and then");
-        assert_eq!(course.look_at(at(30), Some(at(31))), Some(at(31)));
+        assert_eq!(course.look_at(at(30), Some(at(31)), REST), Some(at(31)));
         assert_eq!(course.now(at(200)), at(51), "held up");
         assert_eq!(course.now(at(201)), at(51), "the same, before anything was done about it");
-        assert_eq!(course.look_at(at(51), Some(at(52))), Some(at(202)), "by the clock of the PC");
+        assert_eq!(course.look_at(at(51), Some(at(52)), REST), Some(at(202)), "by the clock of the PC");
         assert_eq!(course.now(at(203)), at(53), "it goes on from there");
     }
 }

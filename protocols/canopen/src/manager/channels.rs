@@ -19,7 +19,7 @@ impl<'a, const N: usize> Channels<'a, N> {
         Self { channels: [const { Channel::new() }; N], turn: 0, brought: 0 }
     }
 
-    /// Takes back what owes nothing any more.
+    /// Takes back those that owe nothing any more.
     pub fn release(&mut self, now: Instant) {
         self.channels.iter_mut().filter(|channel| channel.is_free(now)).for_each(Channel::release);
     }

@@ -71,6 +71,7 @@ impl<'a> Managed<'a> {
     pub fn attempt(&mut self, at: Instant, present: bool) {
         let (earlier, known) = self.attempt.unwrap_or((at, false));
         self.attempt = Some((earlier.min(at), known || present));
+        self.waits = false;
     }
 
     /// It is tried now, if there is a channel for it.
@@ -141,7 +142,7 @@ impl<'a> Managed<'a> {
             Command::ResetNode | Command::ResetCommunication => {
                 self.forget(now);
                 // Unless it boots before.
-                self.attempt = Some((now + retry, false));
+                self.attempt(now + retry, false);
             }
             _ => self.expected = Some(command.leads_to()),
         }
@@ -154,7 +155,8 @@ impl<'a> Managed<'a> {
         self.astray = None;
         self.verdict = None;
         self.told_missing = false;
-        self.monitor.watch(now, Supervision::Off);
+        self.attempt = None;
+        self.monitor.forget(now);
     }
 
     /// Its attempt is dropped where it was in work: whoever was at it is not any more.
@@ -184,8 +186,7 @@ impl<'a> Managed<'a> {
         match (event, self.phase) {
             (monitor::Event::BootUp, _) => {
                 self.forget(now);
-                self.attempt = Some((now, true));
-                self.waits = false;
+                self.attempt(now, true);
             }
             (monitor::Event::Lost(_), Phase::Booted) => {
                 self.phase = Phase::Lost;

@@ -176,9 +176,13 @@ impl<'a, const NODES: usize, const CHANNELS: usize> Manager<'a, NODES, CHANNELS>
 
     /// The members, and all nodes that were ever heard.
     pub fn nodes(&self) -> impl Iterator<Item = (NodeId, Status)> {
-        NodeId::all()
-            .filter(|node| self.member(*node).is_some() || self.table.heard(*node).is_some())
-            .map(|node| (node, self.status(node)))
+        NodeId::all().filter_map(|node| Some((node, self.known(node)?)))
+    }
+
+    /// What is known of a member, or of a node that was ever heard.
+    pub fn known(&self, node: NodeId) -> Option<Status> {
+        let known = self.member(node).is_some() || self.table.heard(node).is_some();
+        known.then(|| self.status(node))
     }
 
     /// The last emergencies of a node, the newest last; resets of errors are among them.

@@ -13,11 +13,9 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
     /// What the time has brought about.
     pub(super) fn elapse(&mut self, now: Instant) {
         self.babble.elapse(now);
-        self.channels.release(now);
         self.listen(now);
-        if self.up {
-            self.boot(now);
-        } else {
+        self.boot(now);
+        if !self.up {
             // What cannot be sent is not sent later.
             for managed in &mut self.members {
                 let _ = managed.monitor.request(now);
@@ -27,9 +25,12 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
 
     /// Begins with the members that are due, in turn.
     fn boot(&mut self, now: Instant) {
-        let count = self.members.len();
+        if !self.up {
+            return;
+        }
+        let (count, turn) = (self.members.len(), self.turn);
         for offset in 0..count {
-            let at = (self.turn + offset) % count;
+            let at = (turn + offset) % count;
             let Some(managed) = self.members.get_mut(at).filter(|managed| managed.is_due(now)) else {
                 continue;
             };
@@ -57,12 +58,14 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
         if let Some(end) = self.lss.outcome(now) {
             return Some(Action::Lss(end));
         }
-        // Each round ends a step of a boot.
+        // Each round ends a step of a boot, and may free its channel.
         while let Some((node, said)) = self.channels.brought(now, !self.commands.is_full()) {
             if let Some(action) = self.said(now, node, said) {
                 return Some(action);
             }
+            self.boot(now);
         }
+        self.channels.release(now);
         None
     }
 

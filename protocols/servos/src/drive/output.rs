@@ -18,10 +18,10 @@ const OBJECTS: [Object; 6] =
 /// An object of the drive.
 #[derive(Clone, Copy, Debug, Default)]
 struct Value {
-    /// What it shall be; nothing in particular, if `None`.
-    wanted: Option<i64>,
+    /// Its bits, what it shall be; nothing in particular, if `None`.
+    wanted: Option<u32>,
     /// What it was told last since it booted.
-    told: Option<i64>,
+    told: Option<u32>,
 }
 
 impl Value {
@@ -105,14 +105,14 @@ impl Output {
     /// What an object shall be.
     pub fn set(&mut self, object: Object, value: i64) {
         if let Some(slot) = self.value(object) {
-            slot.wanted = Some(value);
+            slot.wanted = Some(value as u32);
         }
     }
 
     /// What an object was told; it is not told again.
     pub fn note(&mut self, object: Object, value: i64) {
         if let Some(slot) = self.value(object) {
-            *slot = Value { wanted: Some(value), told: Some(value) };
+            *slot = Value { wanted: Some(value as u32), told: Some(value as u32) };
         }
     }
 
@@ -125,7 +125,7 @@ impl Output {
 
     /// What is known of an object.
     pub fn known(&mut self, object: Object) -> Option<i64> {
-        self.value(object)?.told
+        Some(object.kind.extend(self.value(object)?.told?))
     }
 
     /// An object is left as it is.
@@ -198,7 +198,7 @@ impl Output {
         let slots = OBJECTS.iter().zip(&self.values).enumerate();
         slots
             .filter(|(_, (_, slot))| slot.is_due())
-            .filter_map(|(at, (object, slot))| Some((at, *object, slot.wanted?)))
+            .filter_map(|(at, (object, slot))| Some((at, *object, object.kind.extend(slot.wanted?))))
     }
 
     /// An object that a PDO has.

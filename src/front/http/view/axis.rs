@@ -148,7 +148,7 @@ impl<'a> Edb<'a> {
 impl<'a> Pid<'a> {
     fn new(found: &Findings<'a>, view: &desk::View) -> Self {
         let online = found.error.is_none();
-        let report = view.input.map(|input| input.report);
+        let report = view.module().map(|(_, report)| report);
         let state = report.map(|report| report.state);
         Self {
             name: &found.axis.name,
@@ -168,7 +168,7 @@ impl<'a> Pid<'a> {
             velocity: report.map(|report| report.velocity),
             command_percent: report.map(|report| axis::pid::permille(&report) as f32 / 10.0),
             gains: Some(view.gains.into()),
-            age_ms: view.input.map(|input| millis(found.now.since(input.at))),
+            age_ms: view.module().map(|(at, _)| millis(found.now.since(at))),
             lease: found.lease.map(Lease::new),
             event: found.event.map(|event| Latched::new(found.now, event)),
             error: found.error.map(Problem::Axis),
@@ -236,7 +236,7 @@ impl<'a> Commanded<'a> {
                 Commanded::Edb { axis, enabled: known.enabled, jog_rpm: jog_rpm(known.jog), lease }
             }
             Known::Pid(view) => {
-                let state = view.input.map(|input| input.report.state);
+                let state = view.module().map(|(_, report)| report.state);
                 Commanded::Pid {
                     axis,
                     enabled: state.map(axis::pid::enabled),

@@ -8,7 +8,7 @@ use super::super::reply::BODY;
 use super::*;
 use crate::axis::edb::{Jog, Snapshot};
 use crate::axis::{self, AxisError, AxisSpec, DriveSpec, Known};
-use crate::desk::{Cause, Event, Failure, Holder, Input, Leased, Reason, Statistics, View, Wish};
+use crate::desk::{Cause, Event, Failure, Feedback, Holder, Input, Leased, Reason, Statistics, View, Wish};
 use crate::settings;
 
 fn text(value: &impl Serialize) -> std::string::String {
@@ -96,9 +96,9 @@ fn an_axis_never_heard() {
 fn view(state: State) -> View {
     let (following_error, velocity, command) = (-3, 250.5, -0.125);
     let report = Report { state, refused: None, position: 1003, following_error, velocity, command };
-    let input = Input { at: Instant::from_millis(1000), report, current: true };
+    let input = Input { at: Instant::from_millis(1000), feedback: Feedback::Module(report), current: true };
     let gains = puente_drives::pid::Gains::new(0.5, 2.0, 0.0).expect("gains");
-    View { wish: Wish::Hold, gains, input: Some(input) }
+    View { wish: Wish::Hold, gains, input: Some(input), shown: true }
 }
 
 #[test]
