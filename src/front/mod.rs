@@ -8,6 +8,7 @@ mod inbox;
 mod lines;
 mod modbus_ascii;
 mod modbus_tcp;
+mod objects;
 mod sniff;
 mod system;
 
