@@ -2,15 +2,18 @@
 
 use embassy_executor::Spawner;
 
+use super::canopen::canopen;
 use super::framed::framed;
 use super::vital::feeder_task;
-use super::{InForce, bus_task, framed_task, front_task, keeper_task, lamps, modbus, watch_task};
+use super::{
+    InForce, bus_task, canopen_task, framed_task, front_task, keeper_task, lamps, modbus, watch_task,
+};
 use crate::clock;
 use crate::front::Gateway;
 use crate::port::embedded::Address;
 use crate::port::record::Reset;
-use crate::port::{self, Board, Leds, Network, Place};
-use crate::settings::Net;
+use crate::port::{self, Board, Can, Leds, Line, Network, Place};
+use crate::settings::{Framed, Modbus, Net, Protocol};
 
 /// Starts the gateway, whose tasks go on after this returns. Call it once, first of all.
 ///
@@ -74,24 +77,37 @@ fn buses(gateway: &'static Gateway, board: &mut Board) -> bool {
 #[inline(never)]
 fn bus(gateway: &'static Gateway, board: &mut Board, index: u8) -> bool {
     let Some(bus) = gateway.settings.buses.get(usize::from(index)) else { return false };
-    let Some(line) = bus.line() else {
-        log::error!("[[bus]] \"{}\": nothing drives a CANopen bus yet", bus.name);
-        return false;
+    let opened = match &bus.protocol {
+        Protocol::ModbusRtu(Modbus { line, .. })
+        | Protocol::ModbusAscii(Modbus { line, .. })
+        | Protocol::Framed(Framed { line, .. }) => {
+            board.lines.open(&bus.port, *line).map(|line| serial(gateway, board, index, line))
+        }
+        Protocol::Canopen(canopen) => {
+            board.cans.open(&bus.port, canopen.bitrate).map(|port| can(gateway, board, index, port))
+        }
     };
-    match board.lines.open(&bus.port, line) {
-        Ok(line) => {
-            if let Some(master) = modbus(gateway.settings, bus) {
-                board.buses.spawn(bus_task(gateway.desk, index, line, master).expect("one task a bus"));
-            } else if let Some((image, setup)) = framed(gateway.settings, index, board.seed) {
-                board.buses.spawn(framed_task(image, line, setup).expect("no more than are allowed"));
-            }
-        }
-        Err(error) => {
-            log::error!("[[bus]] \"{}\" port: {error}", bus.name);
-            return false;
-        }
+    if let Err(error) = &opened {
+        log::error!("[[bus]] \"{}\" port: {error}", bus.name);
     }
-    true
+    opened.is_ok()
+}
+
+#[inline(never)]
+fn serial(gateway: &'static Gateway, board: &Board, index: u8, line: Line) {
+    let master = gateway.settings.buses.get(usize::from(index)).and_then(|bus| modbus(gateway.settings, bus));
+    if let Some(master) = master {
+        board.buses.spawn(bus_task(gateway.desk, index, line, master).expect("one task a bus"));
+    } else if let Some((image, setup)) = framed(gateway.settings, index, board.seed) {
+        board.buses.spawn(framed_task(image, line, setup).expect("no more than are allowed"));
+    }
+}
+
+#[inline(never)]
+fn can(gateway: &'static Gateway, board: &Board, index: u8, port: Can) {
+    if let Some(parts) = canopen(gateway.settings, index) {
+        board.buses.spawn(canopen_task(port, parts).expect("no more than are allowed"));
+    }
 }
 
 #[inline(never)]

@@ -7,14 +7,15 @@ use std::process::ExitCode;
 use embassy_executor::Executor;
 use static_cell::StaticCell;
 
+use super::canopen::canopen;
 use super::framed::framed;
 use super::options::{Action, Options, USAGE};
 use super::simulated::{simulated, simulated_can};
-use super::{InForce, bus_task, framed_task, front_task, keeper_task, modbus, watch_task};
+use super::{InForce, bus_task, canopen_task, framed_task, front_task, keeper_task, modbus, watch_task};
 use crate::clock;
 use crate::front::Gateway;
 use crate::port::host::{CanSpec, Doors, LineSpec, exact_timers, random, start_log};
-use crate::port::{Flash, Line, Place, limits};
+use crate::port::{Can, Flash, Line, Place, limits};
 use crate::settings::store::Store;
 use crate::settings::{Bus, Framed, Modbus, Problem, Protocol, Settings, VERSION};
 
@@ -163,17 +164,21 @@ fn buses(gateway: &'static Gateway, ports: Vec<Spec>) -> ! {
     let seed = random();
     EXECUTOR.init(Executor::new()).run(|spawner| {
         for ((index, spec), bus) in (0..).zip(ports).zip(&gateway.settings.buses) {
-            let line = match spec {
-                Spec::Line(spec) => Line::new(spec),
-                Spec::Can(_) => {
-                    log::error!("[[bus]] \"{}\": nothing drives a CANopen bus yet", bus.name);
-                    continue;
+            match spec {
+                Spec::Line(spec) => {
+                    let line = Line::new(spec);
+                    if let Some(master) = modbus(gateway.settings, bus) {
+                        spawner.spawn(bus_task(gateway.desk, index, line, master).expect("one task a bus"));
+                    } else if let Some((image, setup)) = framed(gateway.settings, index, seed) {
+                        spawner.spawn(framed_task(image, line, setup).expect("no more than are allowed"));
+                    }
                 }
-            };
-            if let Some(master) = modbus(gateway.settings, bus) {
-                spawner.spawn(bus_task(gateway.desk, index, line, master).expect("one task a bus"));
-            } else if let Some((image, setup)) = framed(gateway.settings, index, seed) {
-                spawner.spawn(framed_task(image, line, setup).expect("no more than are allowed"));
+                Spec::Can(spec) => {
+                    if let Some(parts) = canopen(gateway.settings, index) {
+                        let task = canopen_task(Can::new(spec), parts);
+                        spawner.spawn(task.expect("no more than are allowed"));
+                    }
+                }
             }
         }
         for (axis, _) in gateway.axes.iter() {

@@ -2,6 +2,7 @@
 
 #[cfg(target_os = "none")]
 pub mod board;
+mod canopen;
 mod framed;
 #[cfg(not(target_os = "none"))]
 pub mod host;
@@ -23,7 +24,7 @@ use crate::bus::{self, framed::Setup};
 use crate::clock;
 use crate::desk::{BusImage, BusQueue, BusSpec, Desk, Modules, Units};
 use crate::front::{self, Gateway};
-use crate::port::{Flash, Line, Place, limits};
+use crate::port::{Can, Flash, Line, Place, limits};
 use crate::settings::keeper::{self, Form, Keeper, Source};
 use crate::settings::store::{Start, Store};
 use crate::settings::{self, Settings};
@@ -105,6 +106,7 @@ pub fn build(settings: &'static Settings, keeper: &'static Keeper) -> &'static G
     if let Some(bus) = settings.buses.iter().position(|bus| bus.framed().is_some()) {
         DESK.send_frames_to(bus as u8);
     }
+    canopen::add(settings);
     let axes = Axes::new(&DESK, axes(settings).filter_map(|(id, axis)| axis_spec(settings, id, axis)));
     GATEWAY.init_with(|| Gateway::new(settings, &DESK, axes, keeper))
 }
@@ -187,6 +189,12 @@ pub async fn bus_task(desk: &'static Desk, bus: u8, mut line: Line, master: Conf
 #[embassy_executor::task(pool_size = limits::FRAMED)]
 pub async fn framed_task(image: BusImage<'static, Modules>, mut line: Line, setup: Setup) -> ! {
     bus::framed::pump(&mut line, setup, &image).await
+}
+
+/// Drives one CANopen bus.
+#[embassy_executor::task(pool_size = limits::CANOPEN)]
+pub async fn canopen_task(mut port: Can, parts: canopen::Parts) -> ! {
+    bus::canopen::pump(&mut port, parts.setup, &parts.clients, &parts.image).await
 }
 
 /// Stops one axis when its commander is gone.

@@ -2,9 +2,12 @@
 
 use core::fmt;
 
+use puente_canopen::emcy;
+use puente_drives::cia402::State;
 use puente_drives::{edb, pid};
 use puente_modbus::Exception;
 use puente_modules::Refusal;
+use puente_servos::Node;
 
 use crate::desk::{Failure, Leased};
 
@@ -23,6 +26,12 @@ pub enum AxisError {
     Fault(pid::Cause),
     /// The module has not done what it was told.
     Refused(Refusal),
+    /// The node of the drive is not there, or refused.
+    Node(puente_servos::Node),
+    /// The drive is in a fault: its last error (603Fh), or else its emergency, where one is known.
+    DriveFault(Option<u16>),
+    /// The drive does not do what it was told, and its state.
+    Drive(puente_servos::Failure, Option<State>),
     /// There are no gains to hold the axis with.
     NoGains,
     /// The module takes text, and the digits of a gain do not fit.
@@ -56,6 +65,15 @@ impl AxisError {
             AxisError::Alarm(_) => "alarm",
             AxisError::Fault(_) => "fault",
             AxisError::Refused(_) => "refused",
+            AxisError::Node(Node::Absent) => "absent",
+            AxisError::Node(Node::Booting | Node::Present) => "booting",
+            AxisError::Node(Node::Lost) => "lost",
+            AxisError::Node(_) => "node-refused",
+            AxisError::DriveFault(_) => "fault",
+            AxisError::Drive(puente_servos::Failure::Following, _) => "following-error",
+            AxisError::Drive(puente_servos::Failure::Homing, _) => "homing-error",
+            AxisError::Drive(puente_servos::Failure::NoMode(_), _) => "no-mode",
+            AxisError::Drive(..) => "drive",
             AxisError::NoGains => "no-gains",
             AxisError::GainDigits => "gains",
             AxisError::Unsupported(_) => "unsupported",
@@ -98,6 +116,13 @@ impl fmt::Display for AxisError {
             }
             AxisError::Fault(cause) => write!(f, "fault: {cause}; clear it first"),
             AxisError::Refused(refusal) => write!(f, "the module refused: {refusal}"),
+            AxisError::Node(node) => write!(f, "its node is {node}"),
+            AxisError::DriveFault(None) => f.write_str("fault; clear it first"),
+            AxisError::DriveFault(Some(code)) => {
+                write!(f, "fault {code:04X}h, {}; clear it first", emcy::describe(*code))
+            }
+            AxisError::Drive(failure, Some(state)) => write!(f, "{failure}; the drive is in {state}"),
+            AxisError::Drive(failure, None) => failure.fmt(f),
             AxisError::NoGains => {
                 f.write_str("a Kp of 0 holds no axis; give it gains first: axis NAME gains KP KI KD")
             }

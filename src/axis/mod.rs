@@ -3,12 +3,14 @@
 //! [`Axes`] finds an axis by its name, keeps what is known of it, and holds each command to the rules that every drive
 //! shares: the lease, no motion without `enable`, no jump on enabling, stop for everyone.
 
+pub mod cia402;
 pub mod edb;
 mod error;
 mod framed;
 mod link;
 pub mod pid;
 mod raw;
+mod watch;
 
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use heapless::{String, Vec};
@@ -21,18 +23,15 @@ pub use framed::FrameRuling;
 pub use raw::Ruling;
 
 use crate::clock;
-use crate::desk::{Cause, Class, Desk, Event, Holder, View};
+use crate::desk::{Class, Desk, Event, Holder, View};
 use crate::port::limits::AXES;
 use link::Link;
 
 /// One sequence of writes at a time on an axis; a stop does not wait for it.
 type Turn = embassy_sync::mutex::Mutex<CriticalSectionRawMutex, ()>;
 
-/// So many stops without confirmation are told, and repeated soon; then more slowly.
-const STOP_ATTEMPTS: u32 = 10;
-
-const NO_GAINS: &str = "an EDB drive has its own gains, as parameters: get and set";
-const NO_PARAMETERS: &str = "a PID module has no parameters; its gains are set by: gains";
+const NO_GAINS: &str = "only a PID module takes gains; an EDB drive has its own, as parameters: get and set";
+const NO_PARAMETERS: &str = "only an EDB drive has parameters; a PID module takes: gains";
 
 /// What the configuration says of an axis.
 #[derive(Clone, Debug)]
@@ -56,6 +55,17 @@ pub enum DriveSpec {
     Edb(edb::Spec),
     /// A PID interface module on a framed bus, in the process image of the desk.
     Pid(pid::Spec),
+    /// A CiA 402 drive on a CANopen bus, in the process image of the desk.
+    Cia402(cia402::Spec),
+}
+
+/// Where an axis is to go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Course {
+    /// To there.
+    pub position: i32,
+    /// As fast; none where that is as the drive has it. Only a CiA 402 drive takes one.
+    pub velocity: Option<u32>,
 }
 
 /// Who gives a command.
@@ -74,6 +84,8 @@ pub enum Known {
     Edb(edb::Known),
     /// Of a PID module.
     Pid(View),
+    /// Of a CiA 402 drive.
+    Cia402(View),
 }
 
 /// Values of a drive at one moment.
@@ -83,6 +95,8 @@ pub enum Snapshot {
     Edb(edb::Snapshot),
     /// Of a PID module.
     Pid(View),
+    /// Of a CiA 402 drive.
+    Cia402(View),
 }
 
 /// One axis.
@@ -102,6 +116,7 @@ pub struct Axis {
 enum Drive {
     Edb(edb::Drive),
     Pid(pid::Spec),
+    Cia402(cia402::Drive),
 }
 
 /// All axes of the gateway.
@@ -117,6 +132,7 @@ impl Axis {
         match &self.drive {
             Drive::Edb(edb) => DriveSpec::Edb(edb.spec),
             Drive::Pid(pid) => DriveSpec::Pid(*pid),
+            Drive::Cia402(drive) => DriveSpec::Cia402(drive.spec),
         }
     }
 
@@ -124,14 +140,14 @@ impl Axis {
     fn edb(&self, lacks: &'static str) -> Result<&edb::Drive, AxisError> {
         match &self.drive {
             Drive::Edb(edb) => Ok(edb),
-            Drive::Pid(_) => Err(AxisError::Unsupported(lacks)),
+            Drive::Pid(_) | Drive::Cia402(_) => Err(AxisError::Unsupported(lacks)),
         }
     }
 
     fn pid(&self, lacks: &'static str) -> Result<pid::Spec, AxisError> {
         match &self.drive {
             Drive::Pid(pid) => Ok(*pid),
-            Drive::Edb(_) => Err(AxisError::Unsupported(lacks)),
+            Drive::Edb(_) | Drive::Cia402(_) => Err(AxisError::Unsupported(lacks)),
         }
     }
 }
@@ -141,6 +157,7 @@ impl From<AxisSpec> for Axis {
         let drive = match drive {
             DriveSpec::Edb(spec) => Drive::Edb(edb::Drive::new(spec)),
             DriveSpec::Pid(spec) => Drive::Pid(spec),
+            DriveSpec::Cia402(spec) => Drive::Cia402(cia402::Drive::new(spec)),
         };
         Self { name, bus, bus_name, address, drive, turn: Turn::new(()) }
     }
@@ -182,6 +199,7 @@ impl Axes {
         Ok(match &self.get(id)?.drive {
             Drive::Edb(edb) => Known::Edb(edb.known()),
             Drive::Pid(_) => Known::Pid(self.desk.view(clock::now(), id)),
+            Drive::Cia402(_) => Known::Cia402(self.desk.view(clock::now(), id)),
         })
     }
 
@@ -200,6 +218,7 @@ impl Axes {
         match &axis.drive {
             Drive::Edb(edb) => edb.status(&self.link(axis, by), max_age).await.map(Snapshot::Edb),
             Drive::Pid(spec) => self.module(id, axis.bus, *spec).status().await.map(Snapshot::Pid),
+            Drive::Cia402(drive) => self.servo(id, axis.bus, drive).status().map(Snapshot::Cia402),
         }
     }
 
@@ -211,6 +230,7 @@ impl Axes {
         match &axis.drive {
             Drive::Edb(edb) => edb.enable(&self.link(axis, by), permit).await?,
             Drive::Pid(spec) => self.module(id, axis.bus, *spec).enable(permit).await?,
+            Drive::Cia402(drive) => self.servo(id, axis.bus, drive).enable(permit).await?,
         }
         // A motion of this commander's own has ended with it.
         self.desk.release(permit);
@@ -224,6 +244,7 @@ impl Axes {
         match &axis.drive {
             Drive::Edb(edb) => edb.disable(&self.link(axis, by)).await?,
             Drive::Pid(spec) => self.module(id, axis.bus, *spec).off(None).await?,
+            Drive::Cia402(drive) => self.servo(id, axis.bus, drive).off().await?,
         }
         duty.done();
         Ok(())
@@ -237,6 +258,7 @@ impl Axes {
         match &axis.drive {
             Drive::Edb(edb) => edb.stop(&self.link(axis, by)).await?,
             Drive::Pid(spec) => self.module(id, axis.bus, *spec).stop().await?,
+            Drive::Cia402(drive) => self.servo(id, axis.bus, drive).stop().await?,
         }
         duty.done();
         Ok(())
@@ -252,7 +274,8 @@ impl Axes {
         hold: Option<Duration>,
     ) -> Result<(), AxisError> {
         let axis = self.get(id)?;
-        let edb = axis.edb("a PID module goes to positions: move")?;
+        let edb =
+            axis.edb("only an EDB drive turns at r/min; a PID module: move, a CiA 402 drive: velocity")?;
         let speed = edb.speed(rpm)?;
         if speed == 0 {
             return self.stop(id, by).await;
@@ -262,27 +285,39 @@ impl Axes {
         edb.jog(&self.link(axis, by), permit, speed).await
     }
 
-    /// Sends the axis to a position, in encoder counts; it goes there, and stays, while its commander shows life. Takes
-    /// the lease as [`jog`](Self::jog) does; to `renew` is to have it already, so that a motion which has ended does not
-    /// begin again by what comes late.
+    /// Sends the axis to a position: a module, in encoder counts, stays under the lease while its commander shows life; a
+    /// CiA 402 drive, in its position units, needs nobody any more when it has arrived. Takes the lease as
+    /// [`jog`](Self::jog) does; to `renew` is to have it already, so that a motion which has ended does not begin again by
+    /// what comes late.
     pub async fn move_to(
         &self,
         id: u8,
         by: Commander,
-        position: i32,
+        course: Course,
         hold: Option<Duration>,
         renew: bool,
     ) -> Result<(), AxisError> {
         let axis = self.get(id)?;
-        let spec = axis.pid("an EDB drive turns at a speed: jog")?;
-        pid::in_range(position)?;
+        let Course { position, velocity } = course;
+        match &axis.drive {
+            Drive::Edb(_) => return Err(AxisError::Unsupported("an EDB drive turns at a speed: jog")),
+            Drive::Pid(_) if velocity.is_some() => {
+                return Err(AxisError::Unsupported("a PID module takes a position alone"));
+            }
+            Drive::Pid(_) => pid::in_range(position)?,
+            Drive::Cia402(_) => {}
+        }
         let now = clock::now();
         let permit = match renew {
             true => self.desk.prolong(now, id, by.holder, hold)?.ok_or(pid::STOPPED)?,
             false => self.desk.lease(now, id, by.holder, hold)?,
         };
         let _turn = axis.turn.lock().await;
-        self.module(id, axis.bus, spec).follow(permit, position).await
+        match &axis.drive {
+            Drive::Pid(spec) => self.module(id, axis.bus, *spec).follow(permit, position).await,
+            Drive::Cia402(drive) => self.servo(id, axis.bus, drive).position(permit, course, renew).await,
+            Drive::Edb(_) => Ok(()),
+        }
     }
 
     /// The gains of the axis' loop.
@@ -306,6 +341,7 @@ impl Axes {
             let turns = match self.status(id, by, Duration::ZERO).await {
                 Ok(Snapshot::Edb(snapshot)) => edb::turns(&snapshot),
                 Ok(Snapshot::Pid(view)) => pid::turns(&view),
+                Ok(Snapshot::Cia402(view)) => cia402::turns(&view),
                 Err(_) => false,
             };
             if turns {
@@ -343,7 +379,7 @@ impl Axes {
     /// The number of the present alarm, 0 for none.
     pub async fn alarm(&self, id: u8, by: Commander) -> Result<u16, AxisError> {
         let axis = self.get(id)?;
-        let edb = axis.edb("a PID module has no alarm numbers; its status tells faults")?;
+        let edb = axis.edb("only an EDB drive numbers its alarms; the status of others tells faults")?;
         self.link(axis, by).read(edb.spec.registers.alarm, Class::Free).await
     }
 
@@ -356,44 +392,10 @@ impl Axes {
         match &axis.drive {
             Drive::Edb(edb) => edb.clear(&self.link(axis, by), permit).await?,
             Drive::Pid(spec) => self.module(id, axis.bus, *spec).off(Some(permit)).await?,
+            Drive::Cia402(drive) => self.servo(id, axis.bus, drive).clear(permit).await?,
         }
         self.desk.release(permit);
         self.desk.clear_event(id);
         Ok(())
-    }
-
-    /// Stops the axis whenever its lease is lost, and repeats that until the drive confirms. One task an axis.
-    pub async fn watch(&self, id: u8) -> ! {
-        let by = Commander { seat: crate::port::limits::SLOTS as u8 + id, holder: Holder::Gateway };
-        let name = self.get(id).map_or("?", |axis| axis.name.as_str());
-        loop {
-            let cause = self.desk.owed(id).await;
-            log::warn!("axis {name}: {}, stopping it", cause.name());
-            let mut failed = 0;
-            while self.desk.owes(id) {
-                let begun = clock::now();
-                let Err(error) = self.stop(id, by).await else { break };
-                failed += 1;
-                if failed <= STOP_ATTEMPTS {
-                    log::error!("axis {name}: stop attempt {failed}: {error}");
-                }
-                if failed == STOP_ATTEMPTS {
-                    self.desk.stop_unconfirmed(clock::now(), id);
-                    log::error!("axis {name}: {}, still trying", Cause::StopUnconfirmed.name());
-                }
-                let pause = stop_pause(clock::now().since(begun), failed);
-                embassy_time::Timer::after_micros(puente_line::micros(pause)).await;
-            }
-        }
-    }
-}
-
-/// Time between two stops that `took` so long each, after so many that failed. The other drives of the bus have half of
-/// the line at first, and later as much as they have beside any dead drive.
-fn stop_pause(took: Duration, failed: u32) -> Duration {
-    if failed < STOP_ATTEMPTS {
-        took.max(Duration::from_millis(100))
-    } else {
-        took.saturating_mul(9).clamp(Duration::from_secs(1), Duration::from_secs(10))
     }
 }

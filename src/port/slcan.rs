@@ -24,7 +24,7 @@ const RETRY: Duration = Duration::from_secs(1);
 const CHUNK: usize = 256;
 
 /// What an adapter is connected by. Both directions are used at once; a future that is dropped loses nothing.
-pub(super) trait Wire {
+pub trait Wire {
     /// Waits for a connection; false where there is none.
     async fn open(&self) -> bool;
     /// Reads what is there, and waits where nothing is; `None` where the connection is gone.
@@ -34,7 +34,7 @@ pub(super) trait Wire {
 }
 
 /// An adapter, with room for so many events that nobody has read yet.
-pub(super) struct Slcan<W, const EVENTS: usize> {
+pub struct Slcan<W, const EVENTS: usize> {
     wire: W,
     state: blocking_mutex::Mutex<CriticalSectionRawMutex, RefCell<State<EVENTS>>>,
     /// Held by the half that works.
@@ -236,7 +236,7 @@ impl<W: Wire, const EVENTS: usize> CanPort for Slcan<W, EVENTS> {
 }
 
 /// The receiving half.
-pub(super) struct Reader<'a, W, const EVENTS: usize>(&'a Slcan<W, EVENTS>);
+pub struct Reader<'a, W, const EVENTS: usize>(&'a Slcan<W, EVENTS>);
 
 impl<W: Wire, const EVENTS: usize> CanReader for Reader<'_, W, EVENTS> {
     async fn read(&mut self) -> CanEvent {
@@ -254,7 +254,7 @@ impl<W: Wire, const EVENTS: usize> CanReader for Reader<'_, W, EVENTS> {
 }
 
 /// The sending half.
-pub(super) struct Writer<'a, W, const EVENTS: usize>(&'a Slcan<W, EVENTS>);
+pub struct Writer<'a, W, const EVENTS: usize>(&'a Slcan<W, EVENTS>);
 
 impl<W: Wire, const EVENTS: usize> CanWriter for Writer<'_, W, EVENTS> {
     async fn write(&mut self, frame: &Frame) -> Result<(), NotTaken> {

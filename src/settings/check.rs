@@ -3,6 +3,7 @@
 use core::fmt;
 use core::net::Ipv4Addr;
 
+use puente_drives::cia402::homing::Method;
 use puente_drives::pid::Gains;
 
 use super::{Axis, Bus, Cia402, Drive, Edb, Name, Net, Node, Pid, Protocol, Settings, VERSION};
@@ -333,6 +334,13 @@ impl Pid {
 
 impl Cia402 {
     fn check(&self, axis: &Name) -> Result<(), Problem> {
+        if self.homing.is_some_and(|method| Method::new(method).is_none()) {
+            return Err(Problem::Axis {
+                name: axis.clone(),
+                key: "homing",
+                allowed: "a method of CiA 402 is needed: -128 to -1, 1 to 14, 17 to 30, 33 to 35 or 37",
+            });
+        }
         let positive = [
             ("homing_fast", self.homing_fast),
             ("homing_slow", self.homing_slow),

@@ -88,6 +88,17 @@ enum Phase {
     Lost,
 }
 
+/// An [`Event`] that is to be told, in fewer bytes.
+#[derive(Clone, Copy, Debug)]
+enum Note {
+    BootUp,
+    Started(State),
+    Changed { from: State, to: State },
+    Lost,
+    Resumed(State),
+    Toggle,
+}
+
 /// Watches one node.
 #[derive(Clone, Debug)]
 pub struct Monitor {
@@ -99,7 +110,7 @@ pub struct Monitor {
     /// The toggle bit that the next answer must have; any while it is not known.
     toggle: Option<bool>,
     /// What a frame and a time-out bring about before the next poll; more than that does not come together.
-    events: Deque<Event, 4>,
+    events: Deque<Note, 4>,
 }
 
 impl Monitor {
@@ -170,7 +181,7 @@ impl Monitor {
         match self.supervision {
             Supervision::Guarding { .. } => {
                 if self.toggle.is_some_and(|expected| expected != sign.toggle) {
-                    return self.tell(Event::Toggle);
+                    return self.tell(Note::Toggle);
                 }
                 self.toggle = Some(!sign.toggle);
             }
@@ -179,9 +190,9 @@ impl Monitor {
             Supervision::Heartbeat { .. } | Supervision::Off => {}
         }
         let event = match (self.phase, self.state) {
-            (Phase::Lost, _) => Some(Event::Resumed(sign.state)),
-            (_, None) => Some(Event::Started(sign.state)),
-            (_, Some(from)) if from != sign.state => Some(Event::Changed { from, to: sign.state }),
+            (Phase::Lost, _) => Some(Note::Resumed(sign.state)),
+            (_, None) => Some(Note::Started(sign.state)),
+            (_, Some(from)) if from != sign.state => Some(Note::Changed { from, to: sign.state }),
             _ => None,
         };
         self.state = Some(sign.state);
@@ -202,7 +213,14 @@ impl Monitor {
     /// The next event alone: see [`Monitor::poll`].
     pub fn event(&mut self, now: Instant) -> Option<Event> {
         self.elapse(now);
-        self.events.pop_front()
+        Some(match self.events.pop_front()? {
+            Note::BootUp => Event::BootUp,
+            Note::Started(state) => Event::Started(state),
+            Note::Changed { from, to } => Event::Changed { from, to },
+            Note::Lost => Event::Lost(self.supervision),
+            Note::Resumed(state) => Event::Resumed(state),
+            Note::Toggle => Event::Toggle,
+        })
     }
 
     /// The question of guarding that is due.
@@ -243,7 +261,7 @@ impl Monitor {
         {
             self.phase = Phase::Lost;
             self.toggle = None;
-            self.tell(Event::Lost(self.supervision));
+            self.tell(Note::Lost);
         }
     }
 
@@ -256,10 +274,10 @@ impl Monitor {
             Supervision::Off | Supervision::Heartbeat { .. } => Phase::Silent,
             Supervision::Guarding { .. } => Phase::Alive { until: self.patience(now) },
         };
-        self.tell(Event::BootUp);
+        self.tell(Note::BootUp);
     }
 
-    fn tell(&mut self, event: Event) {
+    fn tell(&mut self, event: Note) {
         if self.events.is_full() {
             // Whoever does not poll learns the latest.
             let _ = self.events.pop_back();

@@ -130,6 +130,39 @@ fn sync_goes_first_on_an_even_grid() {
 }
 
 #[test]
+fn what_waits_goes_in_its_order() {
+    let guarded = |id| {
+        let supervision = Supervision::Guarding { time: Duration::from_millis(100), factor: 2 };
+        Member { supervision, ..Member::new(node(id)) }
+    };
+    let second = Duration::from_secs(1);
+    let config = Config { sync: second, time: second, heartbeat: second, ..config() };
+    let mut bus = Bus::<4, 4>::started(config, &[guarded(2), guarded(3)], vec![Node::new(2), Node::new(3)]);
+    bus.manager.set_time(bus.now, TimeOfDay::new(1, 0).expect("a time"));
+    bus.run(950);
+    let manager = &mut bus.manager;
+    let late = ms(2_010);
+    for id in [9, 8, 7] {
+        manager.submit(late, node(id), read(0x1000, false)).expect("a channel");
+    }
+    manager.lss(late, lss::Command::InquireNodeId).expect("idle");
+    manager.command(late, Command::Start, Some(node(2))).expect("room");
+    manager.command(late, Command::Stop, None).expect("room");
+    let mut ids = Vec::new();
+    loop {
+        match manager.poll(late) {
+            Action::Transmit(frame) => ids.push(frame.id().raw()),
+            Action::Idle => break,
+            // What is told is told first, but for SYNC.
+            _ => assert!(ids.len() == 1, "{ids:03X?}"),
+        }
+    }
+    let transfers: Vec<_> = ids.split_off(8);
+    assert_eq!(ids, [0x080, 0x000, 0x000, 0x77F, 0x100, 0x702, 0x703, 0x7E5]);
+    assert_eq!(transfers, [0x609, 0x608, 0x607], "in the order of their channels");
+}
+
+#[test]
 fn a_bus_full_of_transfers_leaves_sync_its_moment() {
     let config = Config { sync: Duration::from_millis(1), ..config() };
     let nodes = (1..=4).map(Node::new).collect();

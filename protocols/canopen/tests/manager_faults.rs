@@ -152,6 +152,21 @@ fn who_leaves_its_state_by_itself_is_led_there_again() {
     let back = Sign::Changed { from: State::PreOperational, to: State::Operational };
     assert_eq!(bus.events(2), [Event::Monitor(there), Event::Booted, Event::Monitor(back)]);
     goes_on(&mut bus);
+    // One that never stays there is configured less and less often.
+    let booted = bus.manager.counters().booted;
+    for _ in 0..10_000 {
+        bus.node(2).state = Some(State::PreOperational);
+        bus.run(10);
+    }
+    let again = bus.manager.counters().booted - booted;
+    assert!((5..=6).contains(&again), "{again} in 100 s");
+    // Well for long, it is led there at once again.
+    bus.run(200_000);
+    bus.node(2).state = Some(State::PreOperational);
+    bus.run(1_500);
+    assert_eq!(bus.node(2).state, Some(State::Operational));
+    bus.events(2);
+    goes_on(&mut bus);
 }
 
 #[test]
@@ -170,7 +185,7 @@ fn a_wrong_node_is_told_once_left_alone_and_tried_again() {
     bus.run(400);
     assert!(bus.done.iter().any(|(of, end)| *of == 2 && end.is_ok()));
     bus.node(2).server.objects.insert((0x1018, 4), vec![7, 0, 0, 0]);
-    bus.run(1_500);
+    bus.run(5_000);
     assert_eq!(bus.events(2), [Event::Booted, OPERATIONAL]);
     bus.told.clear();
     goes_on(&mut bus);
@@ -188,6 +203,20 @@ fn a_configuration_that_is_refused_is_told_with_its_object() {
     let verdict = Verdict::Failed { address, failure: Failure::Aborted(Abort::NO_OBJECT) };
     assert_eq!(bus.events(2), [Event::NotBooted(verdict)]);
     assert_eq!(verdict.to_string(), "1A07h:1: the node refused: 0x06020000 object does not exist");
+    // What was written before it is not written again and again.
+    let mut list = heapless::Vec::<u8, 64>::new();
+    for (index, sub) in [(0x1400, 1), (0x1A07, 1)] {
+        dcf::push(&mut list, Entry { address: Address::new(index, sub), data: &[1] }).expect("room");
+    }
+    let plan = Plan { configuration: List::parse(&list).expect("a list"), ..member(2).plan };
+    let mut bus = Bus::<4, 2>::started(config(), &[Member { plan, ..refuses }], vec![Node::new(2)]);
+    bus.run(600_000);
+    let written = bus.node(2).server.written.len();
+    // After 0, 1, 3, 7, .. 63 s, and then every 64.
+    assert_eq!(written, 7 + (600 - 63) / 64);
+    bus.reset(2);
+    bus.run(500);
+    assert_eq!(bus.node(2).server.written.len(), written + 1, "one that boots is tried at once");
     let long = Member { plan: Plan { device_type: Some(1), ..Plan::NOTHING }, ..Member::new(node(2)) };
     let mut bus = Bus::<4, 2>::started(config(), &[long], vec![Node::new(2)]);
     bus.node(2).server.objects.insert((0x1000, 0), vec![0; 100]);
@@ -226,6 +255,19 @@ fn missing_members_leave_a_channel_to_callers() {
         bus.run(150);
     }
     assert_eq!(bus.done.len(), 20);
+    // A refused one can be asked why, however many others are tried.
+    bus.nodes.push(Node::new(12));
+    bus.node(12).server.objects.insert((0x1018, 4), vec![0; 4]);
+    bus.run(30_000);
+    bus.done.clear();
+    let asks = (0..400).filter(|_| {
+        let _ =
+            bus.manager.submit(bus.now, node(12), Transfer::Upload { address: object::SERIAL, block: false });
+        bus.run(25);
+        bus.done.drain(..).any(|(of, end)| of == 12 && end.is_ok())
+    });
+    let asks = asks.count();
+    assert!(asks > 350, "{asks} of 400");
     // And callers leave one to members, even if they ask whenever they may.
     bus.nodes.push(Node::new(15));
     let (mut busy, mut at) = (0, 0);
@@ -402,6 +444,20 @@ fn a_late_response_is_no_second_node() {
     bus.run(1);
     bus.say(response(3));
     bus.run(5);
+    // Node 3 is slow: asked twice, it answers twice.
+    bus.reset(3);
+    bus.run(500);
+    bus.told.clear();
+    bus.node(3).dead = true;
+    bus.submit(3, short);
+    bus.run(600);
+    bus.say(response(3));
+    bus.run(200);
+    bus.say(response(3));
+    bus.run(5);
+    assert_eq!(bus.done.pop(), Some((3, Ok(Outcome::Read { size: 4, checked: true }))));
+    assert_eq!(bus.events(3), []);
+    bus.node(3).dead = false;
     // Of node 9 nothing is known; what node 10 aborts was begun before.
     bus.say(response(9));
     bus.say(Frame::full(Id::Base(0x58A), [0x80, 0, 0x10, 0, 0, 0, 4, 5]));
@@ -484,6 +540,49 @@ fn babbling_is_told_once_and_others_are_served() {
     bus.run(1_000);
     assert_eq!(bus.done, [(2, Ok(Outcome::Read { size: 20_000, checked: true }))]);
     assert_eq!(bus.bus_events(), []);
+}
+
+/// A slow reader with the least room that a block takes, and one frame of a hundred lost.
+#[test]
+fn a_long_read_survives_losses_and_a_slow_reader() {
+    let mut bus = Bus::<4, 2>::started(config(), &[], vec![Node::new(2)]);
+    let object: Vec<_> = (0..100_000_u64).map(|at| (at * at / 128) as u8).collect();
+    bus.node(2).server.objects.insert((0x2000, 0), object.clone());
+    bus.loses = 10;
+    bus.rooms.insert(2, 896);
+    bus.submit(2, READ_BLOCK);
+    let mut read = Vec::new();
+    for _ in 0..10_000 {
+        bus.run(37);
+        read.extend(bus.drain(2));
+        if !bus.done.is_empty() {
+            break;
+        }
+    }
+    assert_eq!(bus.done, [(2, Ok(Outcome::Read { size: 100_000, checked: true }))]);
+    assert!(read == object);
+    assert!(bus.manager.counters().sdo.repeated > 100);
+}
+
+#[test]
+fn on_a_bad_bus_members_are_booted_in_the_end() {
+    let members = [member(2), guarded(3), member(4), guarded(5)];
+    let nodes = (2..=5).map(Node::new).collect();
+    let mut bus = Bus::<4, 2>::started(config(), &members, nodes);
+    bus.loses = 100;
+    bus.run(20_000);
+    for id in 2..=5 {
+        bus.reset(id);
+    }
+    bus.run(20_000);
+    assert!(bus.told.len() > 20, "it was bad");
+    bus.loses = 0;
+    bus.run(5_000);
+    for id in 2..=5 {
+        let status = bus.manager.status(node(id));
+        assert_eq!((status.health, status.state), (Health::Booted, Some(State::Operational)), "{id}");
+        assert_eq!(bus.node(id).state, Some(State::Operational));
+    }
 }
 
 #[test]

@@ -174,23 +174,8 @@ impl<'a, const AXES: usize, const NODES: usize, const CHANNELS: usize> Master<'a
     /// drives are told, and what the manager has to say.
     pub fn poll(&mut self, now: Instant) -> Action {
         loop {
-            for place in &mut self.places {
-                place.drive.advance(now);
-            }
-            if self.up
-                && let Some(frame) = self.places.iter_mut().find_map(|place| place.drive.urgent(now))
-            {
+            if let Some(frame) = self.urgent(now) {
                 return Action::Transmit(frame);
-            }
-            if self.up && self.manager.sync_at().is_some_and(|at| at <= now) {
-                let late = self.places.iter().skip(self.next).filter(|place| place.drive.follows()).count();
-                self.counters.late = self.counters.late.wrapping_add(late as u32);
-                self.next = 0;
-                let action = self.manager.poll(now);
-                if let Some(action) = self.managed(now, action) {
-                    return action;
-                }
-                continue;
             }
             if let Some(frame) = self.set_point() {
                 return Action::Transmit(frame);
@@ -211,6 +196,24 @@ impl<'a, const AXES: usize, const NODES: usize, const CHANNELS: usize> Master<'a
                 None => {}
             }
         }
+    }
+
+    /// What stops a drive, or the SYNC that is due, alone: for a caller whose port keeps a place for it, see [`Manager::sync`].
+    pub fn urgent(&mut self, now: Instant) -> Option<Frame> {
+        for place in &mut self.places {
+            place.drive.advance(now);
+        }
+        if !self.up {
+            return None;
+        }
+        if let Some(frame) = self.places.iter_mut().find_map(|place| place.drive.urgent(now)) {
+            return Some(frame);
+        }
+        let sync = self.manager.sync(now)?;
+        let late = self.places.iter().skip(self.next).filter(|place| place.drive.follows()).count();
+        self.counters.late = self.counters.late.wrapping_add(late as u32);
+        self.next = 0;
+        Some(sync)
     }
 
     /// What there is besides frames to be sent, see [`Manager::report`].

@@ -10,10 +10,11 @@ use puente_canopen::manager::{BusEvent, Config, Counters, Event, Manager, Member
 use puente_canopen::sdo::SEGMENT;
 use puente_canopen::{Frame, NodeId, lss, nmt, sdo};
 use puente_line::{Duration, Instant};
+use puente_servos::{Axis, Order as Wanted, Report, Why};
 
-use super::{Taken, Undelivered};
+use super::{Image, Taken, Undelivered};
 use crate::clock;
-use crate::port::limits::{CHANNELS, MEMBERS, SDO_DATA};
+use crate::port::limits::{AXES, CHANNELS, MEMBERS, SDO_DATA};
 use crate::port::{CanCounters, CanState};
 
 pub use pump::{Setup, pump};
@@ -23,21 +24,27 @@ const BLOCK: usize = if SDO_DATA / SEGMENT > 127 { 127 } else { SDO_DATA / SEGME
 /// Bytes that come at most until whoever reads can be made to wait.
 pub const ROOM: usize = (BLOCK + 1) * SEGMENT;
 
-/// The manager of a bus.
-pub type Master = Manager<'static, MEMBERS, CHANNELS>;
+/// The manager of a bus, with its drives.
+pub type Master = puente_servos::Master<'static, AXES, MEMBERS, CHANNELS>;
+/// What it knows of nodes.
+pub type Nodes = Manager<'static, MEMBERS, CHANNELS>;
 
 /// Where the manager of a bus lives. Its pump works it; what it knows may be read by everybody, for a moment at a time.
 pub struct Room(Mutex<CriticalSectionRawMutex, RefCell<Master>>);
 
 impl Room {
     /// With a manager that does nothing yet.
-    pub fn new(config: Config, members: impl IntoIterator<Item = Member<'static>>) -> Self {
-        Self(Mutex::new(RefCell::new(Master::new(config, members, clock::now()))))
+    pub fn new(
+        config: Config,
+        members: impl IntoIterator<Item = Member<'static>>,
+        axes: impl IntoIterator<Item = Axis>,
+    ) -> Self {
+        Self(Mutex::new(RefCell::new(Master::new(config, members, axes, clock::now()))))
     }
 
     /// Reads what the manager knows.
-    pub fn look<R>(&self, f: impl FnOnce(&Master) -> R) -> R {
-        self.0.lock(|master| f(&master.borrow()))
+    pub fn look<R>(&self, f: impl FnOnce(&Nodes) -> R) -> R {
+        self.0.lock(|master| f(master.borrow().manager()))
     }
 
     /// Works it.
@@ -69,8 +76,6 @@ pub trait Exchange {
     fn outgoing(&self, now: Instant, take: impl FnOnce(&Frame) -> Taken);
     /// What has become of the frame that was taken last.
     fn posted(&self, now: Instant, outcome: Result<(), Undelivered>);
-    /// Resolves when something is wanted since the last call.
-    async fn changed(&self);
 
     /// Shows what is to be written to a node: so many bytes at most, from `offset` on.
     fn fetch(&self, node: NodeId, offset: u32, count: usize, f: impl FnOnce(&[u8]));
@@ -93,6 +98,9 @@ pub trait Exchange {
     fn state(&self, now: Instant, state: CanState);
     /// What was counted so far.
     fn counted(&self, port: CanCounters, manager: Counters);
-    /// A sign of life: the pump gives the next one before `until`, or it hangs.
-    fn alive(&self, until: Instant);
 }
+
+/// The [`Image`] of a CANopen bus, whose axes are CiA 402 drives.
+pub trait Drives: Image<Output = Wanted, Report = Report, Fall = Why> {}
+
+impl<T: Image<Output = Wanted, Report = Report, Fall = Why>> Drives for T {}

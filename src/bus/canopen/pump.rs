@@ -6,12 +6,13 @@ use core::task::Poll;
 
 use embassy_futures::poll_once;
 use puente_canopen::Frame;
-use puente_canopen::manager::{Action, Sdo};
+use puente_canopen::manager::{Action as Managed, Sdo};
 use puente_canopen::sdo::{Config, Transfer};
 use puente_line::{Duration, Instant};
+use puente_servos::Action;
 
 use super::super::{Taken, Undelivered};
-use super::{BLOCK, Exchange, Order, Room};
+use super::{BLOCK, Drives, Exchange, Order, Room};
 use crate::clock;
 use crate::port::{CanEvent, CanPort, CanReader, CanWriter, NotTaken};
 
@@ -35,17 +36,19 @@ pub struct Setup {
 }
 
 /// Works the manager of a bus, for ever.
-pub async fn pump(port: &mut impl CanPort, setup: Setup, clients: &impl Exchange) -> ! {
+pub async fn pump(port: &mut impl CanPort, setup: Setup, clients: &impl Exchange, drives: &impl Drives) -> ! {
     let (mut reader, mut writer) = port.split();
-    let mut pump = Pump { setup, clients, up: false, sync: None, frame: None };
+    let mut pump = Pump { setup, clients, drives, up: false, urgent: None, frame: None };
     loop {
         let now = clock::now();
         let expiry = clients.orders(now, |order| pump.take(now, order));
+        let room = pump.setup.room;
+        drives.outputs(now, |place, wanted| room.work(|master| master.set(now, place, wanted)));
         pump.act(now);
-        clients.counted(reader.counters(), pump.setup.room.look(|master| master.counters()));
-        clients.alive(clock::now() + SIGN + LATE);
+        clients.counted(reader.counters(), room.look(|manager| manager.counters()));
+        drives.alive(clock::now() + SIGN + LATE);
         let wake = pump.wake(now).min(expiry.unwrap_or(now + SIGN));
-        let Step { mut heard, sent } = wait(&mut reader, &mut writer, pump.next(), wake, clients).await;
+        let Step { mut heard, sent } = wait(&mut reader, &mut writer, pump.next(), wake, drives).await;
         let now = clock::now();
         match sent {
             Some(Ok(())) => pump.sent(now),
@@ -73,17 +76,18 @@ enum Whose {
     Client,
 }
 
-struct Pump<'c, C> {
+struct Pump<'c, C, D> {
     setup: Setup,
     clients: &'c C,
+    drives: &'c D,
     /// The port can send.
     up: bool,
-    /// SYNC, which goes before the frame that waits for the port.
-    sync: Option<Frame>,
+    /// What stops a drive, or SYNC, goes before the frame that waits for the port.
+    urgent: Option<Frame>,
     frame: Option<(Frame, Whose)>,
 }
 
-impl<C: Exchange> Pump<'_, C> {
+impl<C: Exchange, D: Drives> Pump<'_, C, D> {
     /// Hands an order to the manager; false where it has to wait.
     fn take(&self, now: Instant, order: Order) -> bool {
         self.setup.room.work(|master| match order {
@@ -95,18 +99,18 @@ impl<C: Exchange> Pump<'_, C> {
                     block: BLOCK as u8,
                     ..Config::DEFAULT
                 };
-                master.submit_with(now, node, transfer, config).is_ok()
+                master.submit_with(now, node, transfer, Some(config)).is_ok()
             }
             Order::Cancel(node) => {
-                master.cancel(now, node);
+                master.manager_mut().cancel(now, node);
                 true
             }
             Order::Resume(node) => {
-                master.pause(node, false);
+                master.manager_mut().pause(node, false);
                 true
             }
             Order::Nmt(command, node) => master.command(now, command, node).is_ok(),
-            Order::Lss(command) => master.lss(now, command).is_ok(),
+            Order::Lss(command) => master.manager_mut().lss(now, command).is_ok(),
         })
     }
 
@@ -114,8 +118,8 @@ impl<C: Exchange> Pump<'_, C> {
     /// frames come after its.
     fn act(&mut self, now: Instant) {
         let room = self.setup.room;
-        if self.sync.is_none() {
-            self.sync = room.work(|master| master.sync(now));
+        if self.urgent.is_none() {
+            self.urgent = room.work(|master| master.urgent(now));
         }
         while self.frame.is_none() {
             match room.work(|master| master.poll(now)) {
@@ -139,14 +143,14 @@ impl<C: Exchange> Pump<'_, C> {
 
     /// What goes out next.
     fn next(&self) -> Option<&Frame> {
-        self.sync.as_ref().or(self.frame.as_ref().map(|(frame, _)| frame))
+        self.urgent.as_ref().or(self.frame.as_ref().map(|(frame, _)| frame))
     }
 
     /// When to go on, whatever happens.
     fn wake(&self, now: Instant) -> Instant {
-        let due = self.setup.room.look(|master| match self.frame {
+        let due = self.setup.room.work(|master| match self.frame {
             None => master.poll_at(),
-            Some(_) => Some(master.sync_at().map_or(now + STUCK, |at| at.min(now + STUCK))),
+            Some(_) => Some(master.manager().sync_at().map_or(now + STUCK, |at| at.min(now + STUCK))),
         });
         due.map_or(now + SIGN, |due| due.min(now + SIGN))
     }
@@ -160,22 +164,30 @@ impl<C: Exchange> Pump<'_, C> {
 
     fn tell(&self, now: Instant, action: Action) {
         let (room, clients) = (self.setup.room, self.clients);
+        let action = match action {
+            Action::Manager(action) => action,
+            Action::Reported { place, report, current } => {
+                return self.drives.reported(now, place, report, current);
+            }
+            Action::Fell { place, why } => return self.drives.fell(now, place, why),
+            // Neither is something to tell.
+            Action::Transmit(_) | Action::Idle => return,
+        };
         match action {
-            Action::Sdo(node, Sdo::Fetch { offset, count }) => {
-                let supply = |bytes: &[u8]| room.work(|master| master.supply(now, node, bytes));
+            Managed::Sdo(node, Sdo::Fetch { offset, count }) => {
+                let supply = |bytes: &[u8]| room.work(|master| master.manager_mut().supply(now, node, bytes));
                 clients.fetch(node, offset, count, supply);
             }
-            Action::Sdo(node, Sdo::Data(bytes)) => {
+            Managed::Sdo(node, Sdo::Data(bytes)) => {
                 if !clients.read(node, &bytes) {
-                    room.work(|master| master.pause(node, true));
+                    room.work(|master| master.manager_mut().pause(node, true));
                 }
             }
-            Action::Sdo(node, Sdo::Done(end)) => clients.done(now, node, end),
-            Action::Node(node, event) => clients.happened(now, node, event),
-            Action::Bus(event) => clients.happened_on_bus(now, event),
-            Action::Lss(end) => clients.lss(end),
-            // Neither is something to tell.
-            Action::Transmit(_) | Action::Idle => {}
+            Managed::Sdo(node, Sdo::Done(end)) => clients.done(now, node, end),
+            Managed::Node(node, event) => clients.happened(now, node, event),
+            Managed::Bus(event) => clients.happened_on_bus(now, event),
+            Managed::Lss(end) => clients.lss(end),
+            Managed::Transmit(_) | Managed::Idle => {}
         }
     }
 
@@ -189,6 +201,7 @@ impl<C: Exchange> Pump<'_, C> {
             }
             CanEvent::State(state) => {
                 self.clients.state(now, state);
+                self.drives.line(!state.sends());
                 if state.sends() {
                     self.up = true;
                     self.setup.room.work(|master| {
@@ -230,8 +243,8 @@ impl<C: Exchange> Pump<'_, C> {
     }
 
     fn gone(&mut self) -> Option<(Frame, Whose)> {
-        match self.sync.take() {
-            Some(sync) => Some((sync, Whose::Manager)),
+        match self.urgent.take() {
+            Some(frame) => Some((frame, Whose::Manager)),
             None => self.frame.take(),
         }
     }
@@ -250,7 +263,7 @@ async fn wait(
     writer: &mut impl CanWriter,
     next: Option<&Frame>,
     wake: Instant,
-    clients: &impl Exchange,
+    drives: &impl Drives,
 ) -> Step {
     let mut heard = pin!(reader.read());
     let mut sent = pin!(async {
@@ -259,7 +272,7 @@ async fn wait(
             None => pending().await,
         }
     });
-    let mut changed = pin!(clients.changed());
+    let mut changed = pin!(drives.changed());
     let mut time = pin!(clock::at(Some(wake)));
     poll_fn(|context| {
         let sent = ready(sent.as_mut().poll(context));

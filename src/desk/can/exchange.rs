@@ -5,7 +5,7 @@ use puente_canopen::{Frame, NodeId, lss, sdo};
 use puente_line::Instant;
 
 use super::{Bus, Origin, What};
-use crate::bus::canopen::{Exchange, Order};
+use crate::bus::canopen::{Exchange, Order, Room};
 use crate::bus::{Taken, Undelivered};
 use crate::desk::{Desk, State};
 use crate::port::{CanCounters, CanState};
@@ -23,6 +23,11 @@ impl<'d> CanBus<'d> {
     pub fn new(desk: &'d Desk, bus: u8) -> Option<Self> {
         let place = desk.with(|state| state.can.place(bus))?;
         Some(Self { desk, bus, place })
+    }
+
+    /// Where its manager lives.
+    pub fn room(&self) -> Option<&'static Room> {
+        self.desk.with(|state| state.can.room(self.bus))
     }
 
     fn on_bus(&self, f: impl FnOnce(&mut Bus)) {
@@ -86,13 +91,6 @@ impl Exchange for CanBus<'_> {
         });
     }
 
-    async fn changed(&self) {
-        match self.desk.work.get(usize::from(self.bus)) {
-            Some(signal) => signal.wait().await,
-            None => core::future::pending().await,
-        }
-    }
-
     fn fetch(&self, node: NodeId, offset: u32, count: usize, f: impl FnOnce(&[u8])) {
         self.desk.with(|state| state.can.transfers.fetch(self.bus, node, offset, count, f));
     }
@@ -138,13 +136,5 @@ impl Exchange for CanBus<'_> {
 
     fn counted(&self, port: CanCounters, manager: Counters) {
         self.on_bus(|bus| bus.counted.counters(port, manager));
-    }
-
-    fn alive(&self, until: Instant) {
-        self.desk.with(|state| {
-            if let Some(bus) = state.buses.get_mut(usize::from(self.bus)) {
-                bus.alive_until = Some(until);
-            }
-        });
     }
 }

@@ -1,10 +1,12 @@
 //! The console: one command a line, one line back, `ok key=value ...` or `error code text`.
 
 mod command;
+mod node;
 mod status;
 
 use core::fmt::Write;
 
+use puente_drives::cia402::Mode;
 use puente_drives::edb::Parameter;
 use puente_drives::pid::Gains;
 use puente_line::Duration;
@@ -24,18 +26,23 @@ use command::{AxisCommand, BusCommand, Command, Mistake};
 const HELP: &str = "ok commands=\"help; axis; axis NAME status|enable|disable|stop|clear; \
 EDB: axis NAME jog RPM; axis NAME alarm; axis NAME get PnNNN; axis NAME set PnNNN VALUE; \
 PID: axis NAME move POSITION; axis NAME gains KP KI KD; \
-bus; bus NAME status; bus NAME scan FIRST-LAST; system; feed\"";
+CiA 402: axis NAME move POSITION [VELOCITY]; axis NAME home [METHOD]; axis NAME velocity V; axis NAME torque PERMILLE; \
+axis NAME mode MODE; \
+bus; bus NAME status; bus NAME scan FIRST-LAST; \
+node BUS [ID status|emcy|start|stop|preop|reset|reset-communication|\
+read INDEX:SUB [TYPE]|write INDEX:SUB VALUE [TYPE]]; system; feed\"";
 
 const NO_SCAN: &str =
     "a framed bus has no units to ask; its modules report by themselves, see: axis NAME status";
 
 /// A command that needs the drives.
-#[derive(Clone, Copy)]
 pub(super) enum Task {
     /// To an axis, by its number.
     Axis(u8, AxisCommand),
     /// To a bus, by its number: find the units from the first to the last.
     Scan(u8, (u8, u8)),
+    /// To a node of a CANopen bus.
+    Node(node::Task),
 }
 
 /// Reads a command, and answers it where that needs no drive: then there is no task. `gone` tells that the client has closed its side and may
@@ -62,7 +69,7 @@ pub(super) fn begin(
         Ok(command) if gone && command.moves() => {
             Err(error(reply, "gone", "the client has closed its side, so nothing would stop the axis"))
         }
-        Ok(command) => resolve(gateway, command, reply),
+        Ok(command) => resolve(gateway, guest, command, reply),
     };
     task.inspect_err(|Told| end(reply)).ok()
 }
@@ -70,13 +77,17 @@ pub(super) fn begin(
 /// The reply has been written.
 struct Told;
 
-fn resolve(gateway: &Gateway, command: Command<'_>, reply: &mut Reply) -> Result<Task, Told> {
+fn resolve(gateway: &Gateway, guest: Guest, command: Command<'_>, reply: &mut Reply) -> Result<Task, Told> {
     match command {
         Command::Help => say(reply, format_args!("{HELP}")),
         Command::Feed => say(reply, format_args!("ok")),
         Command::System => say(reply, format_args!("ok {}", System(gateway))),
         Command::Axes => list(reply, "axes", gateway.axes.iter().map(|(_, axis)| &axis.name)),
         Command::Buses => list(reply, "buses", gateway.settings.buses.iter().map(|bus| &bus.name)),
+        Command::Nodes(bus) => node::list(gateway, bus, reply)?,
+        Command::Node(bus, id, command) => {
+            return node::begin(gateway, guest, bus, id, command, reply).map(Task::Node);
+        }
         Command::Axis(name, command) => match gateway.axes.find(name) {
             Ok(id) => return Ok(Task::Axis(id, command)),
             Err(unknown) => return Err(error(reply, unknown.code(), unknown)),
@@ -101,6 +112,8 @@ pub(super) enum Outcome {
     Axis(u8, Result<Answer, AxisError>),
     /// Of the search for units from the first to the last on a bus, by its number.
     Scan(u8, (u8, u8), Result<Units, (u8, Failure)>),
+    /// Of a node of a CANopen bus.
+    Node(node::Outcome),
 }
 
 /// What an axis answers.
@@ -110,6 +123,10 @@ pub(super) enum Answer {
     Stopped,
     Jog(i32),
     Move(i32),
+    Homing,
+    Velocity(i32),
+    Torque(i16),
+    Mode(Mode),
     Gains(Gains),
     Value(Parameter, u16),
     Written(Parameter, u16),
@@ -119,10 +136,11 @@ pub(super) enum Answer {
 }
 
 /// Does what needs the drives. There is no reply yet: its room is that of this future, see [`lines`](super::lines).
-pub(super) async fn finish(gateway: &Gateway, guest: Guest, task: Task) -> Outcome {
+pub(super) async fn finish(gateway: &Gateway, guest: Guest, task: &mut Task) -> Outcome {
     match task {
-        Task::Axis(id, command) => Outcome::Axis(id, axis(gateway, guest.commander(), id, command).await),
-        Task::Scan(bus, units) => Outcome::Scan(bus, units, scan(gateway, guest, bus, units).await),
+        Task::Axis(id, command) => Outcome::Axis(*id, axis(gateway, guest.commander(), *id, *command).await),
+        Task::Scan(bus, units) => Outcome::Scan(*bus, *units, scan(gateway, guest, *bus, *units).await),
+        Task::Node(task) => Outcome::Node(node::finish(task).await),
     }
 }
 
@@ -149,6 +167,7 @@ pub(super) fn tell(gateway: &Gateway, outcome: &Outcome, reply: &mut Reply) {
         Outcome::Scan(_, _, Err((unit, failure))) => {
             error(reply, "not-sent", format_args!("scan ended at unit {unit}: {failure}"));
         }
+        Outcome::Node(outcome) => node::tell(gateway, outcome, reply),
     }
     end(reply);
 }
@@ -201,9 +220,25 @@ async fn axis(gateway: &Gateway, by: Commander, id: u8, command: AxisCommand) ->
             axes.jog(id, by, rpm, None).await?;
             Answer::Jog(rpm)
         }
-        AxisCommand::Move(position) => {
-            axes.move_to(id, by, position, None, false).await?;
-            Answer::Move(position)
+        AxisCommand::Move(course) => {
+            axes.move_to(id, by, course, None, false).await?;
+            Answer::Move(course.position)
+        }
+        AxisCommand::Home(method) => {
+            axes.home(id, by, method, None).await?;
+            Answer::Homing
+        }
+        AxisCommand::Velocity(velocity) => {
+            axes.velocity(id, by, velocity, None).await?;
+            Answer::Velocity(velocity)
+        }
+        AxisCommand::Torque(permille) => {
+            axes.torque(id, by, permille, None).await?;
+            Answer::Torque(permille)
+        }
+        AxisCommand::Mode(mode) => {
+            axes.mode(id, by, mode, None).await?;
+            Answer::Mode(mode)
         }
         AxisCommand::Gains(gains) => {
             axes.set_gains(id, by, gains)?;
@@ -226,19 +261,21 @@ async fn axis(gateway: &Gateway, by: Commander, id: u8, command: AxisCommand) ->
 }
 
 fn tell_answer(gateway: &Gateway, id: u8, answer: &Answer, reply: &mut Reply) {
+    let lease_ms = gateway.settings.net.lease_ms;
+    let moving = |reply: &mut Reply, what| say(reply, format_args!(" {what} lease_ms={lease_ms}"));
     match answer {
         Answer::Status(snapshot) => status::axis(gateway, id, snapshot, reply),
         Answer::Enabled(enabled) => say(reply, format_args!(" enabled={}", u8::from(*enabled))),
         Answer::Stopped => match gateway.axes.known(id) {
-            Ok(Known::Pid(_)) => say(reply, format_args!(" stopped=1")),
+            Ok(Known::Pid(_) | Known::Cia402(_)) => say(reply, format_args!(" stopped=1")),
             _ => say(reply, format_args!(" jog_rpm=0")),
         },
-        Answer::Jog(rpm) => {
-            say(reply, format_args!(" jog_rpm={rpm} lease_ms={}", gateway.settings.net.lease_ms));
-        }
-        Answer::Move(position) => {
-            say(reply, format_args!(" set_point={position} lease_ms={}", gateway.settings.net.lease_ms));
-        }
+        Answer::Jog(rpm) => moving(reply, format_args!("jog_rpm={rpm}")),
+        Answer::Move(position) => moving(reply, format_args!("set_point={position}")),
+        Answer::Homing => moving(reply, format_args!("homing=1")),
+        Answer::Velocity(velocity) => moving(reply, format_args!("target_velocity={velocity}")),
+        Answer::Torque(permille) => moving(reply, format_args!("target_torque_permille={permille}")),
+        Answer::Mode(mode) => moving(reply, format_args!("mode={mode}")),
         Answer::Gains(gains) => {
             say(
                 reply,
@@ -309,6 +346,9 @@ impl Mistake<'_> {
             Mistake::Parameter(_) => "parameter",
             Mistake::Number(_) => "number",
             Mistake::Gain(_) => "range",
+            Mistake::Object(_) => "object",
+            Mistake::Type(_) => "type",
+            Mistake::Mode(_) => "mode",
             Mistake::Unsupported(_) => "unsupported",
         }
     }

@@ -5,12 +5,13 @@ use core::fmt::Write;
 use puente_drives::pid::State;
 use puente_framed::arbiter;
 use puente_line::{Instant, micros, millis};
+use puente_servos::Progress;
 
 use super::super::Gateway;
 use super::super::lines::Reply;
 use super::say;
 use crate::axis::edb::{self, Jog};
-use crate::axis::{Known, Snapshot, pid};
+use crate::axis::{Known, Snapshot, cia402, pid};
 use crate::clock;
 use crate::desk::{Event, Holder, View};
 use crate::settings::{self, Protocol};
@@ -27,8 +28,12 @@ pub(super) fn axis(gateway: &Gateway, id: u8, snapshot: &Snapshot, reply: &mut R
             lease.inspect(|lease| self::lease(lease, reply));
             event.inspect(|event| self::event(now, event, reply));
         }
-        Snapshot::Pid(view) => {
-            pid(now, view, reply);
+        Snapshot::Pid(_) | Snapshot::Cia402(_) => {
+            match snapshot {
+                Snapshot::Pid(view) => pid(now, view, reply),
+                Snapshot::Cia402(view) => cia402(now, view, reply),
+                Snapshot::Edb(_) => {}
+            }
             match &lease {
                 Some(lease) => self::lease(lease, reply),
                 None => say(reply, format_args!(" lease=none")),
@@ -88,6 +93,41 @@ fn pid(now: Instant, view: &View, reply: &mut Reply) {
     );
 }
 
+fn cia402(now: Instant, view: &View, reply: &mut Reply) {
+    let Some((at, report)) = view.servo() else { return };
+    say(reply, format_args!(" node={}", cia402::node(&report.node)));
+    if cia402::node(&report.node) == "refused" {
+        say(reply, format_args!(" why=\"{}\"", report.node));
+    }
+    if let Some((status, state)) = report.status.zip(report.state()) {
+        say(reply, format_args!(" state={} status={:04X}", cia402::state(state), status.0));
+    }
+    if let Some(mode) = report.mode {
+        say(reply, format_args!(" mode={mode}"));
+    }
+    if let Some(position) = report.position {
+        say(reply, format_args!(" position={position}"));
+    }
+    if let Some(target) = cia402::target(view) {
+        say(reply, format_args!(" set_point={target}"));
+    }
+    if let Some(velocity) = report.velocity {
+        say(reply, format_args!(" velocity={velocity}"));
+    }
+    say(reply, format_args!(" progress={}", cia402::progress(report.progress)));
+    if let Progress::Failed(failure) = report.progress {
+        say(reply, format_args!(" failure=\"{failure}\""));
+    }
+    say(reply, format_args!(" homed={}", u8::from(report.homed)));
+    if let Some(fault) = report.fault {
+        say(reply, format_args!(" fault={fault:04X}"));
+    }
+    if let Some(emergency) = report.emergency {
+        say(reply, format_args!(" emergency=\"{emergency}\""));
+    }
+    say(reply, format_args!(" age_ms={}", millis(now.since(at))));
+}
+
 fn lease((holder, left): &(Holder, puente_line::Duration), reply: &mut Reply) {
     say(reply, format_args!(" lease=\"{holder}\" lease_ms={}", millis(*left)));
 }
@@ -107,7 +147,7 @@ pub(super) fn bus(gateway: &Gateway, bus: u8, reply: &mut Reply) {
     match protocol {
         Protocol::ModbusRtu(_) | Protocol::ModbusAscii(_) => modbus(gateway, bus, reply),
         Protocol::Framed(framed) => self::framed(gateway, bus, framed, reply),
-        Protocol::Canopen(canopen) => self::canopen(canopen, reply),
+        Protocol::Canopen(canopen) => self::canopen(gateway, bus, canopen, reply),
     }
 }
 
@@ -164,9 +204,41 @@ fn framed(gateway: &Gateway, bus: u8, framed: &settings::Framed, reply: &mut Rep
     }
 }
 
-fn canopen(canopen: &settings::Canopen, reply: &mut Reply) {
+fn canopen(gateway: &Gateway, bus: u8, canopen: &settings::Canopen, reply: &mut Reply) {
     let settings::Canopen { bitrate, node, net, sync_us, .. } = canopen;
     say(reply, format_args!(" bitrate={bitrate} node={node} net={net} sync_us={sync_us}"));
+    let Some(counted) = gateway.desk.can_statistics(clock::now(), bus) else { return };
+    let (port, manager) = (&counted.port, &counted.manager);
+    say(
+        reply,
+        format_args!(
+            " state={} load_permille={} tx_errors={} rx_errors={} bus_offs={} received={} sent={} not_received={} not_sent={}",
+            counted.state.name(),
+            counted.load_permille,
+            port.tx_errors,
+            port.rx_errors,
+            port.bus_offs,
+            counted.received,
+            counted.sent,
+            port.lost,
+            counted.undelivered,
+        ),
+    );
+    say(
+        reply,
+        format_args!(
+            " nodes={} booted={} emergencies={} sync_missed={} sdo={} sdo_aborted={} sdo_timeouts={} waiting={} lost={}",
+            gateway.desk.nodes(bus).count(),
+            manager.booted,
+            manager.emergencies,
+            manager.sync_missed,
+            manager.sdo.transfers,
+            manager.sdo.aborted,
+            manager.sdo.timeouts,
+            counted.waiting,
+            counted.lost,
+        ),
+    );
 }
 
 fn modbus(gateway: &Gateway, bus: u8, reply: &mut Reply) {

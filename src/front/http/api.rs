@@ -9,11 +9,12 @@ use serde::Deserialize;
 
 use super::super::system::System;
 use super::super::{End, Gateway, Guest};
+use super::action::Action;
 use super::head::{Head, Method, hash};
 use super::page::Asset;
-use super::problem::{HOLD_MS, Problem};
+use super::problem::Problem;
 use super::reply::Reply;
-use super::resource::{Command, Resource};
+use super::resource::Resource;
 use super::{Fault, config, metrics, nodes, view};
 use crate::axis::{AxisError, Commander};
 use crate::clock;
@@ -58,34 +59,6 @@ pub(super) enum Change {
     Confirm,
 }
 
-/// What an axis is told.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Action {
-    Jog(i32, Option<Duration>),
-    /// Position, hold time, and whether it only renews a move.
-    Move(i32, Option<Duration>, bool),
-    Stop,
-    Enable,
-    Disable,
-    Clear,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct JogBody {
-    rpm: i32,
-    hold_ms: Option<u32>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct MoveBody {
-    position: i32,
-    hold_ms: Option<u32>,
-    #[serde(default)]
-    renew: bool,
-}
-
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct GainsBody {
@@ -122,7 +95,9 @@ pub(super) fn understand(
         Resource::Asset(asset) => Task::Asset(asset),
         Resource::Axes => Task::Axes,
         Resource::Axis(name) => Task::Axis(gateway.axes.find(name)?),
-        Resource::Command(name, command) => Task::Command(gateway.axes.find(name)?, action(command, body)?),
+        Resource::Command(name, command) => {
+            Task::Command(gateway.axes.find(name)?, Action::read(command, body)?)
+        }
         Resource::Gains(name) => {
             let id = gateway.axes.find(name)?;
             match head.method {
@@ -153,23 +128,6 @@ pub(super) fn understand(
         },
         Resource::ConfigState => Task::ConfigState,
         Resource::Confirm => Task::Change(Change::Confirm),
-    })
-}
-
-fn action(command: Command, body: &[u8]) -> Result<Action, Problem> {
-    Ok(match command {
-        Command::Jog => {
-            let JogBody { rpm, hold_ms } = json(body, "{\"rpm\": 100, \"hold_ms\": 500}")?;
-            Action::Jog(rpm, hold(hold_ms)?)
-        }
-        Command::Move => {
-            let MoveBody { position, hold_ms, renew } = json(body, "{\"position\": 1000, \"hold_ms\": 500}")?;
-            Action::Move(position, hold(hold_ms)?, renew)
-        }
-        Command::Stop => Action::Stop,
-        Command::Enable => Action::Enable,
-        Command::Disable => Action::Disable,
-        Command::Clear => Action::Clear,
     })
 }
 
@@ -214,7 +172,7 @@ impl Call<'_> {
                 reply.finish().await?;
             }
             Task::Command(id, action) => {
-                self.command(id, action).await?;
+                action.carry_out(&self.gateway.axes, id, self.by).await?;
                 let axes = &self.gateway.axes;
                 let commanded = view::Commanded::new(&axes.get(id)?.name, axes.known(id)?, axes.leased(id));
                 reply.value(&commanded).await?;
@@ -301,18 +259,6 @@ impl Call<'_> {
         }))
     }
 
-    async fn command(&self, id: u8, action: Action) -> Result<(), AxisError> {
-        let (axes, by) = (&self.gateway.axes, self.by);
-        match action {
-            Action::Jog(rpm, hold) => axes.jog(id, by, rpm, hold).await,
-            Action::Move(position, hold, renew) => axes.move_to(id, by, position, hold, renew).await,
-            Action::Stop => axes.stop(id, by).await,
-            Action::Enable => axes.enable(id, by).await,
-            Action::Disable => axes.disable(id, by).await,
-            Action::Clear => axes.clear(id, by).await,
-        }
-    }
-
     async fn buses<W: Write>(&self, reply: &mut Reply<'_, W>) -> Result<(), Fault> {
         reply.put(format_args!("[")).await?;
         for (index, bus) in (0..).zip(&self.gateway.settings.buses) {
@@ -352,71 +298,15 @@ pub(super) fn nothing_after(body: &[u8], used: usize, expected: &'static str) ->
     if rest.trim_ascii().is_empty() { Ok(()) } else { Err(Problem::Json(expected)) }
 }
 
-fn hold(ms: Option<u32>) -> Result<Option<Duration>, Problem> {
-    match ms {
-        None => Ok(None),
-        Some(ms) if HOLD_MS.contains(&ms) => Ok(Some(Duration::from_millis(u64::from(ms)))),
-        Some(ms) => Err(Problem::Hold(ms)),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn jog(body: &str) -> Result<(i32, Option<u32>), Problem> {
-        json::<JogBody>(body.as_bytes(), "").map(|JogBody { rpm, hold_ms }| (rpm, hold_ms))
-    }
-
-    #[test]
-    fn jog_bodies() {
-        assert_eq!(jog("{\"rpm\":100,\"hold_ms\":500}"), Ok((100, Some(500))));
-        assert_eq!(jog(" { \"hold_ms\" : null , \"rpm\" : -7 } \r\n"), Ok((-7, None)));
-        assert_eq!(jog("{\"rpm\":100}"), Ok((100, None)));
-        for bad in [
-            "",
-            "{}",
-            "[]",
-            "null",
-            "100",
-            "{\"rpm\":}",
-            "{\"rpm\":\"100\"}",
-            "{\"rpm\":1.5}",
-            "{\"rpm\":1e2}",
-            "{\"rpm\":100",
-            "{\"rpm\":100}}",
-            "{\"rpm\":100}{\"rpm\":5}",
-            "{\"rpm\":2147483648}",
-            "{\"rpm\":1,\"speed\":2}",
-            "{\"rpm\":1,\"rpm\":2}",
-            "{\"rpm\":1,\"hold_ms\":-1}",
-            "{\"RPM\":1}",
-            "{\"a\":[[[[[[[[[[[[[[[[[",
-        ] {
-            assert_eq!(jog(bad), Err(Problem::Json("")), "{bad}");
-        }
-    }
-
-    #[test]
-    fn hold_times_are_bounded() {
-        assert_eq!(hold(None), Ok(None));
-        assert_eq!(hold(Some(50)), Ok(Some(Duration::from_millis(50))));
-        assert_eq!(hold(Some(5000)), Ok(Some(Duration::from_millis(5000))));
-        for ms in [0, 49, 5001, u32::MAX] {
-            assert_eq!(hold(Some(ms)), Err(Problem::Hold(ms)));
-        }
-    }
-
     proptest::proptest! {
         #[test]
         fn any_body_is_read_without_panic(body in proptest::collection::vec(0..=255_u8, 0..64)) {
-            let _ = json::<JogBody>(&body, "");
             let _ = json::<ParameterBody>(&body, "");
         }
 
-        #[test]
-        fn any_text_like_json_is_read_without_panic(body in "[\\[\\]{}\":,a-z0-9\\\\. u-]{0,64}") {
-            let _ = jog(&body);
-        }
     }
 }

@@ -1,5 +1,6 @@
 //! What is measured, as text for Prometheus (exposition format 0.0.4).
 
+mod can;
 mod cyclic;
 
 use core::fmt;
@@ -14,7 +15,7 @@ use puente_modules::Report;
 use super::super::{End, Gateway};
 use super::reply::Reply;
 use super::view;
-use crate::axis::{Known, pid};
+use crate::axis::{Known, cia402, pid};
 use crate::clock;
 use crate::desk::{BUCKETS_MS, Statistics};
 
@@ -64,7 +65,7 @@ const AXIS: [Gauge; 10] = [
     }),
     ("puente_axis_jog_rpm", "Commanded jog.", |known| match known {
         Known::Edb(known) => view::jog_rpm(known.jog).map(i64::from),
-        Known::Pid(_) => None,
+        Known::Pid(_) | Known::Cia402(_) => None,
     }),
     ("puente_axis_position_counts", "Present position.", |known| Some(report(known)?.position.into())),
     ("puente_axis_following_error_counts", "Reference less position.", |known| {
@@ -81,6 +82,9 @@ const AXIS: [Gauge; 10] = [
             match known {
                 Known::Edb(known) => known.enabled,
                 Known::Pid(_) => report(known).map(|report| pid::enabled(report.state)),
+                Known::Cia402(view) => {
+                    view.servo().and_then(|(_, report)| report.state()).map(cia402::powered)
+                }
             }
             .map(i64::from)
         },
@@ -90,14 +94,14 @@ const AXIS: [Gauge; 10] = [
 fn monitor(known: &Known) -> Option<Monitor> {
     match known {
         Known::Edb(known) => known.snapshot.map(|snapshot| snapshot.monitor),
-        Known::Pid(_) => None,
+        Known::Pid(_) | Known::Cia402(_) => None,
     }
 }
 
 fn report(known: &Known) -> Option<Report> {
     match known {
         Known::Pid(view) => view.module().map(|(_, report)| report),
-        Known::Edb(_) => None,
+        Known::Edb(_) | Known::Cia402(_) => None,
     }
 }
 
@@ -105,7 +109,7 @@ fn report(known: &Known) -> Option<Report> {
 fn read_at(known: &Known) -> Option<Instant> {
     match known {
         Known::Edb(known) => known.snapshot.map(|snapshot| snapshot.at),
-        Known::Pid(view) => view.module().map(|(at, _)| at),
+        Known::Pid(view) | Known::Cia402(view) => view.input.map(|input| input.at),
     }
 }
 
@@ -116,6 +120,7 @@ pub(super) async fn send<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) 
     buses(gateway, reply).await?;
     latency(gateway, reply).await?;
     cyclic::send(gateway, reply).await?;
+    can::send(gateway, reply).await?;
     packets(gateway, reply).await?;
     axes(gateway, reply).await?;
     reply.finish().await
@@ -123,6 +128,24 @@ pub(super) async fn send<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) 
 
 async fn family<W: Write>(reply: &mut Reply<'_, W>, name: &str, kind: &str, help: &str) -> Result<(), End> {
     reply.put(format_args!("# HELP {name} {help}\n# TYPE {name} {kind}\n")).await
+}
+
+/// What was counted of events on several buses.
+async fn events<'b, T, W: Write>(
+    reply: &mut Reply<'_, W>,
+    name: &str,
+    help: &str,
+    buses: impl Iterator<Item = (&'b str, T)>,
+    counts: &[Count<T>],
+) -> Result<(), End> {
+    family(reply, name, "counter", help).await?;
+    for (bus, counted) in buses {
+        for (event, count) in counts {
+            let count = count(&counted);
+            reply.put(format_args!("{name}{{bus=\"{bus}\",event=\"{event}\"}} {count}\n")).await?;
+        }
+    }
+    Ok(())
 }
 
 async fn single<W: Write>(

@@ -1,5 +1,6 @@
 //! HTTP/1.1: the page at `/`, the JSON interface under `/api`, and `/metrics`. docs/http.md tells what they say.
 
+mod action;
 mod api;
 mod config;
 mod head;

@@ -29,6 +29,10 @@ pub(super) enum Problem {
     Hold(u32),
     /// The path names no parameter.
     Parameter(puente_drives::edb::BadParameter),
+    /// No mode of a CiA 402 drive.
+    Mode,
+    /// No homing method.
+    Homing(i8),
     /// A gain that no loop can work with.
     Gains(puente_drives::pid::BadGain),
     /// A page of another origin wants to act.
@@ -88,6 +92,7 @@ impl Problem {
             Problem::Hold(_) | Problem::Gains(_) | Problem::Parameter(_) | Problem::Document(_) => {
                 status::BAD_REQUEST
             }
+            Problem::Mode | Problem::Homing(_) => status::BAD_REQUEST,
             Problem::Origin => status::FORBIDDEN,
             Problem::NotFound => status::NOT_FOUND,
             Problem::Method(_) => status::METHOD_NOT_ALLOWED,
@@ -114,7 +119,8 @@ impl Problem {
         match self {
             Problem::Head(_) | Problem::Request(_) => "bad-request",
             Problem::Json(_) => "bad-json",
-            Problem::Hold(_) | Problem::Gains(_) => "range",
+            Problem::Hold(_) | Problem::Gains(_) | Problem::Homing(_) => "range",
+            Problem::Mode => "mode",
             Problem::Parameter(_) => "parameter",
             Problem::Origin => "origin",
             Problem::NotFound => "not-found",
@@ -150,6 +156,8 @@ const fn axis_status(error: &AxisError) -> Status {
         AxisError::UnknownAxis | AxisError::Unsupported(_) => status::NOT_FOUND,
         AxisError::Leased(_) | AxisError::NotEnabled | AxisError::Alarm(_) => status::CONFLICT,
         AxisError::Fault(_) | AxisError::Refused(_) | AxisError::NoGains => status::CONFLICT,
+        AxisError::DriveFault(_) | AxisError::Drive(..) => status::CONFLICT,
+        AxisError::Node(_) => status::SERVICE_UNAVAILABLE,
         AxisError::Range { .. } | AxisError::GainDigits => status::BAD_REQUEST,
         AxisError::Failure(Failure::NotSent(_)) => status::SERVICE_UNAVAILABLE,
         AxisError::Failure(Failure::NoReply(_)) => status::GATEWAY_TIMEOUT,
@@ -167,6 +175,8 @@ impl fmt::Display for Problem {
                 write!(f, "hold_ms {ms} is out of range {} to {}", HOLD_MS.start(), HOLD_MS.end())
             }
             Problem::Gains(error) => error.fmt(f),
+            Problem::Mode => f.write_str("a mode is pp, pv, pt, hm, ip, csp, csv, cst or its number"),
+            Problem::Homing(number) => write!(f, "{number} is no homing method"),
             Problem::Parameter(error) => error.fmt(f),
             Problem::Origin => f.write_str("only the gateway's own page may command axes from a browser"),
             Problem::NotFound => f.write_str("nothing has this path"),

@@ -44,6 +44,10 @@ pub(super) enum Resource<'p> {
 pub(super) enum Command {
     Jog,
     Move,
+    Home,
+    Velocity,
+    Torque,
+    Mode,
     Stop,
     Enable,
     Disable,
@@ -117,6 +121,10 @@ impl Command {
         Some(match name {
             "jog" => Command::Jog,
             "move" => Command::Move,
+            "home" => Command::Home,
+            "velocity" => Command::Velocity,
+            "torque" => Command::Torque,
+            "mode" => Command::Mode,
             "stop" => Command::Stop,
             "enable" => Command::Enable,
             "disable" => Command::Disable,
@@ -140,6 +148,8 @@ mod tests {
             ("/api/axes/", Resource::Axis("")),
             ("/api/axes/x/jog", Resource::Command("x", Command::Jog)),
             ("/api/axes/x/move", Resource::Command("x", Command::Move)),
+            ("/api/axes/x/home", Resource::Command("x", Command::Home)),
+            ("/api/axes/x/mode", Resource::Command("x", Command::Mode)),
             ("/api/axes/x/gains", Resource::Gains("x")),
             ("/api/axes/x/stop", Resource::Command("x", Command::Stop)),
             ("/api/axes/x/parameters/Pn037", Resource::Parameter("x", "Pn037")),
@@ -230,7 +240,7 @@ mod tests {
     fn only_stop_and_disable_stop() {
         let stops = |command| Resource::Command("x", command).stops();
         assert!(stops(Command::Stop) && stops(Command::Disable));
-        assert!(!stops(Command::Move));
+        assert!(!stops(Command::Move) && !stops(Command::Velocity) && !stops(Command::Mode));
         assert!(!stops(Command::Jog) && !stops(Command::Enable) && !stops(Command::Clear));
         assert!(!Resource::Axes.stops());
     }

@@ -1,77 +1,47 @@
-//! The CAN buses: SLCAN adapters behind UART3 and UART4.
+//! The CAN buses by the names that they have on the boards: SLCAN adapters behind UART3 and UART4.
 
-use core::future::pending;
-
-use puente_canopen::Frame;
+use puente_slcan::{Config, Rate};
 
 use super::lines::BadPort;
-use crate::port::{BIT_RATES, CanCounters, CanEvent, CanPort, CanReader, CanState, CanWriter, NotTaken};
+use super::uart::{UART3, UART4, Uart};
+use crate::port::slcan::Slcan;
+
+/// Events of a bus that nobody has read yet.
+const EVENTS: usize = 32;
+
+/// An open bus.
+pub type Can = Slcan<&'static Uart, EVENTS>;
 
 /// The buses that are not open yet.
 pub struct Cans {
-    free: [bool; 2],
-}
-
-fn number(port: &str) -> Result<usize, BadPort> {
-    match port {
-        "can-1" => Ok(0),
-        "can-2" => Ok(1),
-        _ => Err(BadPort::Can),
-    }
+    one: Option<&'static Uart>,
+    two: Option<&'static Uart>,
 }
 
 /// Whether a bus can have this `port` with this bit rate.
 pub fn check_can(port: &str, bitrate: u32) -> Result<(), BadPort> {
-    number(port)?;
-    if BIT_RATES.contains(&bitrate) { Ok(()) } else { Err(BadPort::BitRate) }
+    if !matches!(port, "can-1" | "can-2") {
+        return Err(BadPort::Can);
+    }
+    Rate::of(bitrate).map(|_| ()).ok_or(BadPort::BitRate)
 }
 
 impl Cans {
     /// All buses. Call it once.
     pub(super) fn new() -> Self {
-        Self { free: [true; 2] }
+        Self { one: Some(&UART3), two: Some(&UART4) }
     }
 
     /// Opens `can-1` (UART3) or `can-2` (UART4), each once.
     pub fn open(&mut self, port: &str, bitrate: u32) -> Result<Can, BadPort> {
-        check_can(port, bitrate)?;
-        let free = self.free.get_mut(number(port)?).ok_or(BadPort::Can)?;
-        if core::mem::take(free) { Ok(Can(())) } else { Err(BadPort::Can) }
+        let rate = Rate::of(bitrate).ok_or(BadPort::BitRate)?;
+        let uart = match port {
+            "can-1" => self.one.take(),
+            "can-2" => self.two.take(),
+            _ => None,
+        };
+        let uart = uart.ok_or(BadPort::Can)?;
+        uart.start();
+        Ok(Slcan::new(uart, Config { rate }))
     }
-}
-
-/// An open bus.
-pub struct Can(());
-
-impl CanPort for Can {
-    type Reader<'a> = Reader<'a>;
-    type Writer<'a> = Writer<'a>;
-
-    fn split(&mut self) -> (Reader<'_>, Writer<'_>) {
-        (Reader(self), Writer(self))
-    }
-}
-
-/// The receiving half.
-pub struct Reader<'a>(#[expect(dead_code)] &'a Can);
-
-impl CanReader for Reader<'_> {
-    async fn read(&mut self) -> CanEvent {
-        pending().await
-    }
-
-    fn counters(&self) -> CanCounters {
-        CanCounters::default()
-    }
-}
-
-/// The sending half.
-pub struct Writer<'a>(#[expect(dead_code)] &'a Can);
-
-impl CanWriter for Writer<'_> {
-    async fn write(&mut self, _: &Frame) -> Result<(), NotTaken> {
-        Err(NotTaken(CanState::Down))
-    }
-
-    fn discard(&mut self) {}
 }

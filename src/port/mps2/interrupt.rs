@@ -4,7 +4,7 @@ use cortex_m::interrupt::InterruptNumber;
 use cortex_m::peripheral::NVIC;
 use cortex_m_rt::exception;
 
-use super::{clock, executor, lan9118, line};
+use super::{clock, executor, lan9118, line, uart};
 
 /// The interrupts in use.
 #[derive(Clone, Copy)]
@@ -16,6 +16,10 @@ pub(super) enum Interrupt {
     Timer1 = 9,
     DualTimer = 10,
     Ethernet = 13,
+    Uart3Receive = 18,
+    Uart3Transmit = 19,
+    Uart4Receive = 20,
+    Uart4Transmit = 21,
     /// Spare ones, for the executors: pins of GPIO ports that nothing drives.
     Clients = 30,
     Buses = 31,
@@ -29,13 +33,17 @@ unsafe impl InterruptNumber for Interrupt {
 }
 
 impl Interrupt {
-    const ALL: [Self; 8] = [
+    const ALL: [Self; 12] = [
         Self::Uart1Receive,
         Self::Uart2Receive,
         Self::Timer0,
         Self::Timer1,
         Self::DualTimer,
         Self::Ethernet,
+        Self::Uart3Receive,
+        Self::Uart3Transmit,
+        Self::Uart4Receive,
+        Self::Uart4Transmit,
         Self::Clients,
         Self::Buses,
     ];
@@ -45,6 +53,7 @@ impl Interrupt {
         match self {
             // Above them is the loop of a PID interface module, see tick.rs.
             Self::Uart1Receive | Self::Uart2Receive | Self::Timer1 | Self::DualTimer => 0x20,
+            Self::Uart3Receive | Self::Uart3Transmit | Self::Uart4Receive | Self::Uart4Transmit => 0x20,
             Self::Timer0 => 0x20,
             Self::Buses => 0x60,
             Self::Ethernet => 0x80,
@@ -77,6 +86,8 @@ unsafe fn DefaultHandler(number: i16) {
         9 => line::UART1.ticked(),
         10 => line::UART2.ticked(),
         13 => lan9118::interrupted(),
+        18 | 19 => uart::UART3.interrupted(),
+        20 | 21 => uart::UART4.interrupted(),
         30 => executor::clients(),
         31 => executor::buses(),
         _ => panic!("interrupt {number}, which nobody enabled"),

@@ -24,6 +24,7 @@ pub mod span;
 mod stack;
 #[cfg(feature = "axis-module")]
 mod tick;
+mod uart;
 mod watchdog;
 
 use embassy_executor::{SendSpawner, Spawner};

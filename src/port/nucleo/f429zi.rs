@@ -31,6 +31,9 @@ pub(super) fn prepare(_: &mut cortex_m::Peripherals) {
     });
 }
 
+/// Clock of the CAN controllers, in Hz.
+pub(super) const CAN_CLOCK: u32 = 42_000_000;
+
 /// Baud rates that the USARTs can do at 42 MHz, with a divider of 16 bits.
 pub(super) const BAUD: core::ops::RangeInclusive<u32> = 641..=1_000_000;
 /// They cannot do 7 data bits without parity.

@@ -22,6 +22,9 @@ pub(super) fn config() -> Config {
     clocks(PllMul::MUL216, PllQDiv::DIV9)
 }
 
+/// Clock of the CAN controllers, in Hz.
+pub(super) const CAN_CLOCK: u32 = 54_000_000;
+
 /// Baud rates that the USARTs can do at 54 MHz, with a divider of 16 bits.
 pub(super) const BAUD: core::ops::RangeInclusive<u32> = 824..=1_000_000;
 /// They can do 7 data bits without parity.

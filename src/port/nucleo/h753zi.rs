@@ -1,7 +1,7 @@
 //! What only NUCLEO-H753ZI has (MB1364; NUCLEO-H743ZI2 is the same board with the same pins).
 
 use embassy_stm32::adc::SampleTime;
-use embassy_stm32::rcc::mux::Adcsel;
+use embassy_stm32::rcc::mux::{Adcsel, Fdcansel};
 use embassy_stm32::rcc::{
     AHBPrescaler, APBPrescaler, Hse, HseMode, Pll, PllDiv, PllMul, PllPreDiv, PllSource, Sysclk, VoltageScale,
 };
@@ -14,10 +14,16 @@ bind_interrupts!(pub(super) struct RandomInterrupt {
     HASH_RNG => rng::InterruptHandler<peripherals::RNG>;
 });
 
-/// What only this board has in its place: the pin of LD2, yellow, and the ADC of the temperature sensor.
+/// What only this board has in its place: the pin of LD2, yellow, the ADC of the temperature sensor, and the CAN
+/// controllers.
 macro_rules! own {
     ($peripherals:ident) => {
-        Own { ld2: $peripherals.PE1.into(), adc: $peripherals.ADC3 }
+        Own {
+            ld2: $peripherals.PE1.into(),
+            adc: $peripherals.ADC3,
+            can1: $peripherals.FDCAN1,
+            can2: $peripherals.FDCAN2,
+        }
     };
 }
 pub(super) use own;
@@ -27,7 +33,7 @@ pub(super) const CALIBRATION: [usize; 2] = [0x1FF1_E820, 0x1FF1_E840];
 /// 25 µs at 32 MHz; the sensor needs 9.
 pub(super) const SAMPLE: SampleTime = SampleTime::CYCLES810_5;
 
-/// 400 MHz processor, 200 MHz buses and Ethernet MAC, 100 MHz peripherals, from the 8 MHz that the ST-LINK supplies.
+/// 400 MHz processor, 200 MHz buses and Ethernet MAC, 100 MHz peripherals, 80 MHz for CAN, from the 8 MHz that the ST-LINK supplies.
 pub(super) fn config() -> Config {
     let mut config = Config::default();
     let rcc = &mut config.rcc;
@@ -37,7 +43,7 @@ pub(super) fn config() -> Config {
         prediv: PllPreDiv::DIV2,
         mul: PllMul::MUL200,
         divp: Some(PllDiv::DIV2),
-        divq: None,
+        divq: Some(PllDiv::DIV10),
         divr: None,
     });
     // 400 MHz is the most that scale 1 allows; scale 0 would exclude chips before revision V.
@@ -50,6 +56,7 @@ pub(super) fn config() -> Config {
     rcc.apb4_pre = APBPrescaler::DIV2;
     // The internal oscillator: the temperature sensor has nothing better to ask for.
     rcc.mux.adcsel = Adcsel::PER;
+    rcc.mux.fdcansel = Fdcansel::PLL1_Q;
     config
 }
 
@@ -61,6 +68,9 @@ pub(super) fn prepare(core: &mut cortex_m::Peripherals) {
     pac::RCC.ahb2enr().read();
     core.SCB.enable_icache();
 }
+
+/// Clock of the CAN controllers, in Hz.
+pub(super) const CAN_CLOCK: u32 = 80_000_000;
 
 /// Baud rates of the settings that the USARTs can do: all of them.
 pub(super) const BAUD: core::ops::RangeInclusive<u32> = 300..=1_000_000;

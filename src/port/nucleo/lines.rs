@@ -32,7 +32,7 @@ impl fmt::Display for BadPort {
             BadPort::Unknown => "expected \"rs485-a\" or \"rs485-b\", each for one bus",
             BadPort::Settings => "the USART cannot do this baud rate or format",
             BadPort::Can => "expected \"can-1\" or \"can-2\", each for one bus",
-            BadPort::BitRate => "expected 10, 20, 50, 100, 125, 250, 500, 800 or 1000 kbit/s",
+            BadPort::BitRate => "the CAN controller cannot do this bit rate exactly",
         })
     }
 }

@@ -8,10 +8,15 @@ use embassy_stm32::time::Hertz;
 
 pub(super) use embassy_stm32::peripherals::{ADC1 as TemperatureAdc, CAN1, CAN2};
 
-/// What only this board has in its place: the pin of LD2, blue, and the ADC of the temperature sensor.
+/// What only this board has in its place: the pin of LD2, blue, the ADC of the temperature sensor, and the CAN controllers.
 macro_rules! own {
     ($peripherals:ident) => {
-        Own { ld2: $peripherals.PB7.into(), adc: $peripherals.ADC1 }
+        Own {
+            ld2: $peripherals.PB7.into(),
+            adc: $peripherals.ADC1,
+            can1: $peripherals.CAN1,
+            can2: $peripherals.CAN2,
+        }
     };
 }
 pub(super) use own;

@@ -1,6 +1,6 @@
 //! ST Nucleo-144 boards with Ethernet. docs/boards.md has the pins and the wiring.
 //!
-//! Interrupt priorities, the most urgent first: USARTs and the clock (0), bus tasks (6), Ethernet (8), then everything
+//! Interrupt priorities, the most urgent first: USARTs and the clock (0), CAN (1), bus tasks (6), Ethernet (8), then everything
 //! else in thread mode.
 
 mod calibration;
@@ -75,6 +75,8 @@ pub(super) fn disarm() {}
 struct Own {
     ld2: Peri<'static, AnyPin>,
     adc: Peri<'static, board::TemperatureAdc>,
+    can1: Peri<'static, board::CAN1>,
+    can2: Peri<'static, board::CAN2>,
 }
 
 impl Board {
@@ -105,7 +107,7 @@ impl Board {
         };
         let temperature = temperature::watch(own.adc);
         spawner.spawn(temperature.expect("the temperature is watched once"));
-        let cans = Cans::new(p.PD0, p.PD1, p.PB12, p.PB6);
+        let cans = Cans::new((own.can1, p.PD0, p.PD1), (own.can2, p.PB12, p.PB6));
         Self {
             buses: executor::start(),
             lines: Lines {

@@ -86,6 +86,7 @@ fn what_does_not_hold_is_told() {
         ("\"address\":2", "\"address\":127", "[[axis]] \"u\" address: it must differ from the node of"),
         ("\"address\":3", "\"address\":2", "[[axis]] \"v\" address: axis \"u\" has this drive"),
         ("\"homing_fast\":null", "\"homing_fast\":0", "[[axis]] \"u\" homing_fast: it must be above 0"),
+        ("\"homing\":-4", "\"homing\":0", "[[axis]] \"u\" homing: a method of CiA 402"),
         ("\"homing\":-4", "\"max_rpm\":1", "[[axis]] \"u\" max_rpm: this drive has no such key"),
         ("\"id\":5", "\"id\":0", "[[node]] 0 of \"can\" id: 1 to 127"),
         ("\"id\":5", "\"id\":127", "[[node]] 127 of \"can\" id: it must differ from the node of"),

@@ -52,6 +52,8 @@ pub struct Setup {
     pub image: PathBuf,
     /// Where raw bytes of RS-485 a and b are taken and given.
     pub lines: [Option<SocketAddr>; 2],
+    /// Where an SLCAN adapter is for CAN 1 and 2.
+    pub cans: [Option<SocketAddr>; 2],
     /// The ports of this machine that lead to the firmware's ports 80 and 502; 0 for any free one.
     pub ports: [u16; 2],
     /// Who else is on the Ethernet: a listener that QEMU connects to. Each frame comes and goes without its FCS, after
@@ -73,6 +75,7 @@ impl Setup {
             machine: GATEWAY,
             image: image.into(),
             lines: [Some(line), None],
+            cans: [None, None],
             ports: [0, 0],
             ethernet: None,
             user_network: true,
@@ -216,7 +219,7 @@ fn launch(
     qemu.args(["-netdev", "hubport,id=hub,hubid=0", "-net", "nic,model=lan9118,netdev=hub"]);
     // UART0 is of no use here.
     qemu.args(["-serial", "null"]);
-    for (name, line) in ["a", "b"].iter().zip(setup.lines) {
+    for (name, line) in ["a", "b", "can1", "can2"].iter().zip(setup.lines.into_iter().chain(setup.cans)) {
         let Some(line) = line else {
             qemu.args(["-serial", "null"]);
             continue;

@@ -39,12 +39,14 @@ pub(super) struct Channel<'a> {
     user: User<'a>,
     /// Bytes read for a boot.
     read: Vec<u8, SEGMENT>,
+    /// Something was asked again since it was given to its user.
+    repeated: bool,
 }
 
 impl<'a> Channel<'a> {
     pub const fn new() -> Self {
         let client = Client::new(NodeId::MIN, sdo::Config::DEFAULT);
-        Self { client, node: None, user: User::Nobody, read: Vec::new() }
+        Self { client, node: None, user: User::Nobody, read: Vec::new(), repeated: false }
     }
 
     /// To whom it is lent.
@@ -88,6 +90,7 @@ impl<'a> Channel<'a> {
         self.client.set_config(config);
         self.client.submit(transfer)?;
         self.user = User::Caller;
+        self.repeated = false;
         Ok(())
     }
 
@@ -97,6 +100,7 @@ impl<'a> Channel<'a> {
         self.client.set_config(sdo::Config { retries: 0, ..config });
         if self.client.submit(READ_TYPE).is_ok() {
             self.user = User::Probe(plan);
+            self.repeated = false;
         }
     }
 
@@ -104,6 +108,7 @@ impl<'a> Channel<'a> {
     pub fn boot(&mut self, plan: Plan<'a>, config: sdo::Config) {
         self.client.set_config(config);
         self.user = User::Boot(Boot::new(plan));
+        self.repeated = false;
     }
 
     /// The caller's transfer.
@@ -241,7 +246,13 @@ impl<'a> Channel<'a> {
         }
     }
 
+    /// Whether responses to its last user may still come where all went well.
+    pub const fn has_repeated(&self) -> bool {
+        self.repeated
+    }
+
     fn done(&mut self, end: Result<Outcome, Failure>) -> Option<Said> {
+        self.repeated |= self.client.has_repeated();
         match &mut self.user {
             User::Nobody => None,
             User::Caller => {

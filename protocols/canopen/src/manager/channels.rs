@@ -14,6 +14,13 @@ pub(super) struct Channels<'a, const N: usize> {
     brought: usize,
 }
 
+/// For whom a channel is wanted.
+#[derive(Clone, Copy)]
+pub(super) enum Borrower {
+    Boot,
+    Caller { boots_wait: bool },
+}
+
 impl<'a, const N: usize> Channels<'a, N> {
     pub const fn new() -> Self {
         Self { channels: [const { Channel::new() }; N], turn: 0, brought: 0 }
@@ -29,20 +36,27 @@ impl<'a, const N: usize> Channels<'a, N> {
         self.channels.iter_mut().find(|channel| channel.node() == Some(node))
     }
 
-    /// A channel for `node`, with nothing in work: its own, or one that is free. The first is never lent to a boot, the last not
-    /// to a caller while a boot `waits`, so that neither keeps the others out. A single one is a boot's while one waits.
-    pub fn lend(&mut self, now: Instant, node: NodeId, boots: bool, waits: bool) -> Option<&mut Channel<'a>> {
-        if self.of(node).is_some() {
-            return self.of(node).filter(|channel| !channel.is_busy());
-        }
-        let kept = match boots {
-            true => (N > 1).then_some(0),
-            false => waits.then_some(N.saturating_sub(1)),
-        };
-        let mut channels = self.channels.iter_mut().enumerate();
-        let (_, channel) = channels.find(|(at, channel)| Some(*at) != kept && channel.is_free(now))?;
+    /// A channel for `node`, with nothing in work.
+    pub fn lend(&mut self, now: Instant, node: NodeId, to: Borrower) -> Option<&mut Channel<'a>> {
+        let at = self.find(now, node, to)?;
+        let channel = self.channels.get_mut(at)?;
         channel.lend(node);
         Some(channel)
+    }
+
+    /// Its own, or one that is free. The first is never lent to a boot, the last not to a caller while a boot waits, so that
+    /// neither keeps the others out. A single one is a boot's while one waits.
+    pub fn find(&self, now: Instant, node: NodeId, to: Borrower) -> Option<usize> {
+        let own = self.channels.iter().position(|channel| channel.node() == Some(node));
+        if let Some(at) = own {
+            return self.channels.get(at).filter(|channel| !channel.is_busy()).map(|_| at);
+        }
+        let kept = match to {
+            Borrower::Boot => (N > 1).then_some(0),
+            Borrower::Caller { boots_wait } => boots_wait.then_some(N.saturating_sub(1)),
+        };
+        let mut channels = self.channels.iter().enumerate();
+        channels.find(|(at, channel)| Some(*at) != kept && channel.is_free(now)).map(|(at, _)| at)
     }
 
     pub fn iter(&self) -> impl Iterator<Item = &Channel<'a>> {

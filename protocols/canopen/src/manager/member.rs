@@ -35,7 +35,15 @@ pub(super) struct Managed<'a> {
     astray: Option<Instant>,
     verdict: Option<Verdict>,
     told_missing: bool,
+    /// Times that it was configured or judged in vain since it was well.
+    vain: u8,
+    /// When it was booted last.
+    booted: Instant,
 }
+
+/// A member that was configured in vain is tried again later and later, up to so many doublings: there are drives that keep
+/// each value written to them in a memory that wears.
+const DOUBLINGS: u8 = 6;
 
 impl<'a> Managed<'a> {
     pub fn new(member: Member<'a>, now: Instant) -> Self {
@@ -49,6 +57,8 @@ impl<'a> Managed<'a> {
             astray: None,
             verdict: None,
             told_missing: false,
+            vain: 0,
+            booted: now,
         }
     }
 
@@ -98,6 +108,11 @@ impl<'a> Managed<'a> {
         present
     }
 
+    /// How long it is left alone.
+    fn patience(&self, retry: Duration) -> Duration {
+        retry.saturating_mul(1 << self.vain.min(DOUBLINGS))
+    }
+
     /// It answers.
     pub fn present(&mut self) {
         self.phase = Phase::Booting;
@@ -121,6 +136,7 @@ impl<'a> Managed<'a> {
 
     pub fn booted(&mut self, now: Instant) {
         self.phase = Phase::Booted;
+        self.booted = now;
         self.verdict = None;
         self.told_missing = false;
         self.attempt = None;
@@ -129,9 +145,10 @@ impl<'a> Managed<'a> {
     }
 
     /// Whether the verdict is to be told.
-    pub fn refused(&mut self, verdict: Verdict, next: Instant) -> bool {
+    pub fn refused(&mut self, now: Instant, verdict: Verdict, retry: Duration) -> bool {
         self.phase = Phase::Refused;
-        self.attempt(next, false);
+        self.attempt(now + self.patience(retry), false);
+        self.vain = DOUBLINGS.min(self.vain + 1);
         self.verdict.replace(verdict) != Some(verdict)
     }
 
@@ -156,6 +173,7 @@ impl<'a> Managed<'a> {
         self.verdict = None;
         self.told_missing = false;
         self.attempt = None;
+        self.vain = 0;
         self.monitor.forget(now);
     }
 
@@ -173,7 +191,11 @@ impl<'a> Managed<'a> {
         match (self.phase, self.monitor.state(), self.expected) {
             (Phase::Booted, Some(is), Some(expected)) if is != expected => {
                 let since = *self.astray.get_or_insert(now);
-                if now >= since + retry {
+                if since >= self.booted + retry.saturating_mul(1 << DOUBLINGS) {
+                    self.vain = 0;
+                }
+                if now >= since + self.patience(retry) && !self.is_due(now) {
+                    self.vain = DOUBLINGS.min(self.vain + 1);
                     self.attempt(now, true);
                 }
             }

@@ -6,10 +6,19 @@
 //! Frames to be sent are asked for one at a time, so that a full port loses none. Their order: SYNC, NMT commands, the
 //! manager's own boot-up, heartbeat and TIME, questions of guarding, LSS, SDO. Members and SDO channels take turns.
 //!
-//! A node that is lost, refuses or babbles costs the others nothing but its frames on the bus. When the bus is off
-//! ([`Manager::bus`]), transfers fail at once, NMT commands that wait are dropped, SYNCs are left out and counted; nodes are lost
-//! when their time is over. When it is back, those that show themselves in the state they were led to are what they were;
-//! others are booted anew.
+//! | fault | what is told | what is done |
+//! |---|---|---|
+//! | a member is missing | [`Event::Missing`], unless it is optional | tried again every [`Config::retry`] |
+//! | no heartbeat, no answer to guarding | [`monitor::Event::Lost`] | tried again; back in the state it was led to it is what it was, else booted anew |
+//! | it boots by itself | [`monitor::Event::BootUp`]; its transfer ends with [`Booted`](sdo::Failure::Booted) | booted at once |
+//! | it leaves its state by itself | [`monitor::Event::Changed`] | booted anew after [`Config::retry`], when it does so again later and later |
+//! | another identity, a refused value, a server that dies at boot | [`Event::NotBooted`] | left alone, tried again later and later, anew when it boots |
+//! | a server that dies in a transfer | [`sdo::Failure::Timeout`] | its channel stays with it for the quarantine |
+//! | bus off, port gone ([`Manager::bus`]) | [`BusEvent::Off`]; transfers end with [`BusOff`](sdo::Failure::BusOff) | NMT commands that wait are dropped, SYNCs left out and counted; who is not heard is lost in its time |
+//! | two nodes of one node-ID | [`Event::DuplicateId`], see [`Evidence`] | nothing |
+//! | somebody babbles | [`BusEvent::Babbling`] | what it says is taken note of, not told |
+//!
+//! None of it costs other nodes anything but the frames on the bus.
 
 mod babble;
 mod channel;
@@ -25,6 +34,8 @@ use heapless::{Deque, Vec};
 use puente_line::Instant;
 
 use crate::emcy::Emergency;
+#[cfg(doc)]
+use crate::monitor;
 use crate::nmt::{Command, State};
 use crate::time::{self, TimeOfDay};
 use crate::{Frame, NodeId, cob, heartbeat, lss, sdo, sync};
@@ -33,7 +44,9 @@ use channels::Channels;
 use member::Managed;
 pub use table::EMERGENCIES;
 use table::Table;
-pub use types::{Action, BusEvent, Config, Counters, Event, Evidence, Health, Member, Sdo, Status, Unsent};
+pub use types::{
+    Action, BusEvent, Config, Counters, Event, Evidence, Health, Member, Sdo, Status, Unsent, babble_limit,
+};
 
 /// NMT commands that may wait.
 const COMMANDS: usize = 16;

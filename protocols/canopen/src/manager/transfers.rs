@@ -3,6 +3,7 @@
 use puente_line::{Duration, Instant};
 
 use super::Manager;
+use super::channels::Borrower;
 use crate::{NodeId, lss, sdo};
 
 impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
@@ -28,12 +29,14 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
         transfer: sdo::Transfer,
         config: sdo::Config,
     ) -> Result<(), sdo::Busy> {
-        // A member that is to be booted comes first.
-        if self.up && self.member(node).is_some_and(|managed| managed.is_due(now)) {
+        // A member that is to be booted comes first, if it can be; one that is refused may be asked why until then.
+        let due = self.up && self.member(node).is_some_and(|managed| managed.is_due(now));
+        if due && self.channels.find(now, node, Borrower::Boot).is_some() {
             return Err(sdo::Busy);
         }
-        let waits = self.members.iter().any(|managed| managed.waits());
-        let channel = self.channels.lend(now, node, false, waits).ok_or(sdo::Busy)?;
+        let boots_wait = self.members.iter().any(|managed| managed.waits());
+        let to = Borrower::Caller { boots_wait };
+        let channel = self.channels.lend(now, node, to).ok_or(sdo::Busy)?;
         channel.submit(transfer, config)?;
         if !self.up {
             channel.lose(now);

@@ -30,15 +30,24 @@ pub struct Config {
     pub sdo: sdo::Config,
     /// An LSS node answers within so long.
     pub lss: Duration,
-    /// A member that is missing, lost or refused is tried again so often.
+    /// A member that is missing or lost is tried again so often; one that is refused, or leaves its state after it was
+    /// configured, after so long, then after twice that, up to 64 times: there are drives that keep each value written to them
+    /// in a memory that wears.
     pub retry: Duration,
-    /// Somebody babbles when more frames than this of one COB-ID come within 100 ms; 0: nobody does.
+    /// Somebody babbles when more frames than this of one COB-ID come within 100 ms, see [`babble_limit`]; 0: nobody does.
+    /// More than SYNC and the PDOs that come with it.
     pub babble: u16,
 }
 
+/// What [`Config::babble`] may be at a bit rate: a third of the frames of eight bytes that the bus carries.
+pub const fn babble_limit(bitrate: u32) -> u16 {
+    let third = bitrate / 10 / 3 / Frame::worst_bits(false, 8);
+    if third < u16::MAX as u32 { third as u16 } else { u16::MAX }
+}
+
 impl Config {
-    /// No SYNC, no TIME, a heartbeat each second, LSS answers within 100 ms, retries each second. 300 frames in 100 ms are
-    /// three in a millisecond, a third of what 1 Mbit/s can carry.
+    /// No SYNC, no TIME, a heartbeat each second, LSS answers within 100 ms, retries each second, and the
+    /// [`babble_limit`] of 1 Mbit/s.
     pub const fn new(node: NodeId) -> Self {
         Self {
             node,
@@ -49,7 +58,7 @@ impl Config {
             sdo: sdo::Config::DEFAULT,
             lss: Duration::from_millis(100),
             retry: Duration::from_secs(1),
-            babble: 300,
+            babble: babble_limit(1_000_000),
         }
     }
 }
@@ -149,7 +158,7 @@ pub enum Evidence {
     /// Somebody speaks under the manager's own.
     Own,
     /// Its SDO server says what nobody asked for. Not looked for where somebody else asks the server, too, nor after a
-    /// transfer that did not end well, until another one does.
+    /// transfer that did not end well or had to ask twice, until another one ends well.
     Response,
     /// Its state goes to and fro without a command: three times, each within five seconds of the one before.
     State,

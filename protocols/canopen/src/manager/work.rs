@@ -4,6 +4,7 @@ use puente_line::{Instant, micros};
 
 use super::Manager;
 use super::channel::Said;
+use super::channels::Borrower;
 use super::types::{Action, Event, Sdo};
 use crate::boot::Verdict;
 use crate::time::TimeOfDay;
@@ -34,7 +35,7 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
             let Some(managed) = self.members.get_mut(at).filter(|managed| managed.is_due(now)) else {
                 continue;
             };
-            let Some(channel) = self.channels.lend(now, managed.member.id, true, true) else {
+            let Some(channel) = self.channels.lend(now, managed.member.id, Borrower::Boot) else {
                 managed.wait();
                 continue;
             };
@@ -106,12 +107,13 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
 
     /// What a channel has said.
     fn said(&mut self, now: Instant, node: NodeId, said: Said) -> Option<Action> {
-        let next = now + self.config.retry;
+        let retry = self.config.retry;
+        let repeated = self.channels.of(node).is_some_and(|channel| channel.has_repeated());
         let event = match said {
             Said::Frame(frame) => return Some(Action::Transmit(frame)),
             Said::Sdo(sdo) => {
                 if let Sdo::Done(end) = &sdo {
-                    self.table.transferred(node, owes(*end));
+                    self.table.transferred(node, repeated || owes(*end));
                 }
                 return Some(Action::Sdo(node, sdo));
             }
@@ -130,7 +132,7 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
                 return None;
             }
             Said::Booted => {
-                self.table.transferred(node, false);
+                self.table.transferred(node, repeated);
                 self.counters.booted = self.counters.booted.wrapping_add(1);
                 self.member_mut(node)?.booted(now);
                 Event::Booted
@@ -140,15 +142,15 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
                     Verdict::Failed { failure, .. } => owes(Err(failure)),
                     _ => false,
                 };
-                self.table.transferred(node, failed);
-                if !self.member_mut(node)?.refused(verdict, next) {
+                self.table.transferred(node, repeated || failed);
+                if !self.member_mut(node)?.refused(now, verdict, retry) {
                     return None;
                 }
                 Event::NotBooted(verdict)
             }
             Said::Absent => {
                 self.table.transferred(node, true);
-                if !self.member_mut(node)?.absent(next) {
+                if !self.member_mut(node)?.absent(now + retry) {
                     return None;
                 }
                 Event::Missing

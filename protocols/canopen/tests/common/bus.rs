@@ -8,6 +8,7 @@ use puente_canopen::sdo::{Failure, Outcome, Transfer};
 use puente_canopen::{Frame, Id, NodeId, cob, lss};
 use puente_line::{Duration, Instant};
 
+use super::channel::Random;
 use super::server::{Habits, Message, Server};
 
 /// A frame of 8 bytes at 1 Mbit/s.
@@ -163,6 +164,9 @@ pub struct Bus<'a, const NODES: usize, const CHANNELS: usize> {
     pub done: Vec<(u8, Result<Outcome, Failure>)>,
     /// Room for bytes that are read, by node; else it is endless.
     pub rooms: BTreeMap<u8, usize>,
+    /// Frames that get lost, in a thousand, from now on.
+    pub loses: u64,
+    random: Random,
     /// What the manager's port has taken.
     port: Vec<Frame>,
     /// What nodes want to say, and from when on.
@@ -187,6 +191,8 @@ impl<'a, const NODES: usize, const CHANNELS: usize> Bus<'a, NODES, CHANNELS> {
             read: BTreeMap::new(),
             done: Vec::new(),
             rooms: BTreeMap::new(),
+            loses: 0,
+            random: Random(9),
             port: Vec::new(),
             ready: Vec::new(),
             wire: None,
@@ -250,7 +256,9 @@ impl<'a, const NODES: usize, const CHANNELS: usize> Bus<'a, NODES, CHANNELS> {
         let now = self.now;
         let frames: Vec<_> = self.nodes.iter_mut().filter_map(|node| node.poll(now)).collect();
         frames.into_iter().for_each(|frame| self.say(frame));
-        if let Some((_, frame, own)) = self.wire.take_if(|(end, ..)| *end <= now) {
+        if let Some((_, frame, own)) = self.wire.take_if(|(end, ..)| *end <= now)
+            && !self.random.chance(self.loses)
+        {
             match own {
                 true => {
                     let answers = self.nodes.iter_mut().flat_map(|node| node.take(now, &frame));

@@ -20,10 +20,10 @@ fn at(millis: u64) -> Instant {
     Instant::from_millis(millis)
 }
 
-fn desk() -> Desk {
+fn desk() -> Box<Desk> {
     let spec =
         BusSpec { units: Units::default(), queue_timeout: Duration::ZERO, reply_timeout: Duration::ZERO };
-    let desk = Desk::new();
+    let desk = Box::new(const { Desk::new() });
     desk.configure([spec], LEASE);
     desk.add_cyclic(0, 0, Default::default());
     desk

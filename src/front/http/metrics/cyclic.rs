@@ -5,7 +5,7 @@ use puente_modules::master::Statistics;
 
 use super::super::super::{End, Gateway};
 use super::super::reply::Reply;
-use super::{Count, Seconds, family};
+use super::{Count, Seconds, events, family};
 
 /// What became of cycles.
 const CYCLES: [Count<Statistics>; 4] = [
@@ -48,31 +48,15 @@ pub(super) async fn send<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) 
     if counted(gateway).next().is_none() {
         return Ok(());
     }
-    events(gateway, reply, "puente_cycles_total", "Cycles of a framed bus, by what became of them.", &CYCLES)
-        .await?;
-    events(gateway, reply, "puente_csma_events_total", "What the station met on the line.", &LINE).await?;
+    const BECAME: &str = "Cycles of a framed bus, by what became of them.";
+    events(reply, "puente_cycles_total", BECAME, counted(gateway), &CYCLES).await?;
+    const MET: &str = "What the station met on the line.";
+    events(reply, "puente_csma_events_total", MET, counted(gateway), &LINE).await?;
     for (name, kind, help, value) in TIMES {
         family(reply, name, kind, help).await?;
         for (bus, counted) in counted(gateway) {
             let time = Seconds::of(value(&counted));
             reply.put(format_args!("{name}{{bus=\"{bus}\"}} {time}\n")).await?;
-        }
-    }
-    Ok(())
-}
-
-async fn events<W: Write>(
-    gateway: &Gateway,
-    reply: &mut Reply<'_, W>,
-    name: &str,
-    help: &str,
-    counts: &[Count<Statistics>],
-) -> Result<(), End> {
-    family(reply, name, "counter", help).await?;
-    for (bus, counted) in counted(gateway) {
-        for (event, count) in counts {
-            let count = count(&counted);
-            reply.put(format_args!("{name}{{bus=\"{bus}\",event=\"{event}\"}} {count}\n")).await?;
         }
     }
     Ok(())

@@ -1,6 +1,6 @@
 //! Values of objects in requests.
 
-use heapless::Vec;
+use heapless::{String, Vec};
 use puente_cia309::value::DataType;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
@@ -16,31 +16,30 @@ const EXPECTED: &str = "{\"value\": 10000}";
 /// The bytes of an object from the body of a request: `{"value": ..}`, a number, or text as CiA 309-3 has it.
 pub(super) fn bytes(body: &[u8], (name, kind): Named) -> Result<Vec<u8, MAX_BODY>, Problem> {
     let token = token(body).ok_or(Problem::Json(EXPECTED))?;
-    let mut unescaped = [0; MAX_BODY];
-    let text = if token.starts_with(b"\"") {
+    if token.starts_with(b"\"") {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Text<'a> {
-            value: &'a str,
+        struct Text {
+            value: String<MAX_BODY>,
         }
-        let read = serde_json_core::from_slice_escaped::<Text<'_>>(body, &mut unescaped);
+        let mut unescaped = [0; MAX_BODY];
+        let read = serde_json_core::from_slice_escaped::<Text>(body, &mut unescaped);
         let (text, used) = read.map_err(|_| Problem::Json(EXPECTED))?;
         nothing_after(body, used, EXPECTED)?;
-        text.value.as_bytes()
-    } else {
-        #[derive(Deserialize)]
-        #[serde(deny_unknown_fields)]
-        struct Shape {
-            #[allow(dead_code, reason = "only its place matters here")]
-            value: IgnoredAny,
-        }
-        json::<Shape>(body, EXPECTED)?;
-        match (token, kind) {
-            (_, DataType::Hex | DataType::Text | DataType::Base64) => return Err(Problem::Value(name)),
-            (b"true", DataType::Unsigned(1)) => b"1",
-            (b"false", DataType::Unsigned(1)) => b"0",
-            (token, _) => token,
-        }
+        return decode(text.value.as_bytes(), kind).ok_or(Problem::Value(name));
+    }
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Shape {
+        #[allow(dead_code, reason = "only its place matters here")]
+        value: IgnoredAny,
+    }
+    json::<Shape>(body, EXPECTED)?;
+    let text = match (token, kind) {
+        (_, DataType::Hex | DataType::Text | DataType::Base64) => return Err(Problem::Value(name)),
+        (b"true", DataType::Unsigned(1)) => b"1",
+        (b"false", DataType::Unsigned(1)) => b"0",
+        (token, _) => token,
     };
     decode(text, kind).ok_or(Problem::Value(name))
 }
@@ -65,7 +64,7 @@ mod tests {
         bytes(body.as_bytes(), named(kind).expect("a type")).map(|bytes| bytes.to_vec())
     }
 
-    fn shown(bytes: &[u8], kind: &str) -> String {
+    fn shown(bytes: &[u8], kind: &str) -> std::string::String {
         let value = Shown { bytes, kind: named(kind).expect("a type").1 };
         let mut room = [0; 600];
         let length = serde_json_core::to_slice(&value, &mut room).expect("room");

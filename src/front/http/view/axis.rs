@@ -3,9 +3,12 @@
 use core::fmt;
 
 use heapless::Vec;
+use puente_canopen::emcy::Emergency;
+use puente_drives::cia402::Mode;
 use puente_drives::edb::{self, Status};
 use puente_drives::pid::{Cause, State};
 use puente_line::{Duration, Instant, millis};
+use puente_servos::{Failure, Node, Progress};
 use serde::Serialize;
 
 use super::super::problem::Problem;
@@ -30,6 +33,7 @@ impl fmt::Display for Word {
 pub(in crate::front::http) enum Axis<'a> {
     Edb(Edb<'a>),
     Pid(Pid<'a>),
+    Cia402(Cia402<'a>),
 }
 
 #[derive(Serialize)]
@@ -77,6 +81,35 @@ pub(in crate::front::http) struct Pid<'a> {
     error: Option<Problem>,
 }
 
+/// Positions and velocities are in the drive's own units.
+#[derive(Serialize)]
+pub(in crate::front::http) struct Cia402<'a> {
+    name: &'a str,
+    bus: &'a str,
+    address: u8,
+    drive: &'static str,
+    profile: &'static str,
+    online: bool,
+    enabled: Option<bool>,
+    node: Option<&'static str>,
+    node_text: Option<Text<Node>>,
+    state: Option<&'static str>,
+    status: Option<Text<Word>>,
+    mode: Option<Text<Mode>>,
+    homed: Option<bool>,
+    position: Option<i32>,
+    set_point: Option<i32>,
+    velocity: Option<i32>,
+    progress: Option<&'static str>,
+    failure: Option<Text<Failure>>,
+    fault: Option<Text<Word>>,
+    emergency: Option<Text<Emergency>>,
+    age_ms: Option<u64>,
+    lease: Option<Lease>,
+    event: Option<Latched>,
+    error: Option<Problem>,
+}
+
 /// Who commands an axis, and for how long unless it goes on.
 #[derive(Serialize)]
 pub(in crate::front::http) struct Lease {
@@ -108,6 +141,7 @@ impl<'a> Axis<'a> {
         match &found.known {
             Known::Edb(known) => Axis::Edb(Edb::new(found, known)),
             Known::Pid(view) => Axis::Pid(Pid::new(found, view)),
+            Known::Cia402(view) => Axis::Cia402(Cia402::new(found, view)),
         }
     }
 }
@@ -118,7 +152,7 @@ impl<'a> Edb<'a> {
         let status = known.snapshot.map(|snapshot| snapshot.status);
         let max_rpm = match found.axis.drive() {
             DriveSpec::Edb(spec) => spec.max_rpm,
-            DriveSpec::Pid(_) => 0,
+            DriveSpec::Pid(_) | DriveSpec::Cia402(_) => 0,
         };
         Self {
             name: &found.axis.name,
@@ -176,6 +210,48 @@ impl<'a> Pid<'a> {
     }
 }
 
+impl<'a> Cia402<'a> {
+    fn new(found: &Findings<'a>, view: &desk::View) -> Self {
+        let report = view.servo().map(|(_, report)| report);
+        let node = report.map(|report| report.node);
+        let online = found.error.is_none() && node == Some(Node::Present);
+        let state = report.and_then(|report| report.state());
+        let profile = match found.axis.drive() {
+            DriveSpec::Cia402(spec) => spec.profile.name,
+            DriveSpec::Edb(_) | DriveSpec::Pid(_) => "",
+        };
+        Self {
+            name: &found.axis.name,
+            bus: &found.axis.bus_name,
+            address: found.axis.address,
+            drive: "cia402",
+            profile,
+            online,
+            enabled: state.filter(|_| online).map(axis::cia402::powered),
+            node: node.as_ref().map(axis::cia402::node),
+            node_text: node.map(Text),
+            state: state.map(axis::cia402::state),
+            status: report.and_then(|report| report.status).map(|status| Text(Word(status.0))),
+            mode: report.and_then(|report| report.mode).map(Text),
+            homed: report.map(|report| report.homed),
+            position: report.and_then(|report| report.position),
+            set_point: axis::cia402::target(view),
+            velocity: report.and_then(|report| report.velocity),
+            progress: report.map(|report| axis::cia402::progress(report.progress)),
+            failure: match report.map(|report| report.progress) {
+                Some(Progress::Failed(failure)) => Some(Text(failure)),
+                _ => None,
+            },
+            fault: report.and_then(|report| report.fault).map(|code| Text(Word(code))),
+            emergency: report.and_then(|report| report.emergency).map(Text),
+            age_ms: view.servo().map(|(at, _)| millis(found.now.since(at))),
+            lease: found.lease.map(Lease::new),
+            event: found.event.map(|event| Latched::new(found.now, event)),
+            error: found.error.map(Problem::Axis),
+        }
+    }
+}
+
 impl Lease {
     fn new((holder, left): (Holder, Duration)) -> Self {
         Self { holder: Text(holder), left_ms: millis(left) }
@@ -222,6 +298,15 @@ pub(in crate::front::http) enum Commanded<'a> {
         set_point: Option<i32>,
         lease: Option<Lease>,
     },
+    Cia402 {
+        axis: &'a str,
+        enabled: Option<bool>,
+        state: Option<&'static str>,
+        mode: Option<Text<Mode>>,
+        set_point: Option<i32>,
+        progress: Option<&'static str>,
+        lease: Option<Lease>,
+    },
 }
 
 impl<'a> Commanded<'a> {
@@ -242,6 +327,19 @@ impl<'a> Commanded<'a> {
                     enabled: state.map(axis::pid::enabled),
                     state: state.map(axis::pid::state),
                     set_point: axis::pid::set_point(&view),
+                    lease,
+                }
+            }
+            Known::Cia402(view) => {
+                let report = view.servo().map(|(_, report)| report);
+                let state = report.and_then(|report| report.state());
+                Commanded::Cia402 {
+                    axis,
+                    enabled: state.map(axis::cia402::powered),
+                    state: state.map(axis::cia402::state),
+                    mode: report.and_then(|report| report.mode).map(Text),
+                    set_point: axis::cia402::target(&view),
+                    progress: report.map(|report| axis::cia402::progress(report.progress)),
                     lease,
                 }
             }

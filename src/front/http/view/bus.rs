@@ -8,7 +8,6 @@ use serde::Serialize;
 
 use super::Text;
 use crate::desk::{CanStatistics, Statistics};
-use crate::port::CanState;
 use crate::settings::{self, Protocol};
 
 /// A bus.
@@ -98,7 +97,7 @@ impl Frames {
         let CanStatistics { port, manager, .. } = counted;
         let sdo = &manager.sdo;
         Self {
-            state: can_state(counted.state),
+            state: counted.state.name(),
             load_percent: counted.load_permille as f32 / 10.0,
             received: counted.received,
             sent: counted.sent,
@@ -126,17 +125,6 @@ impl Frames {
                 unpaired: sdo.unpaired,
             },
         }
-    }
-}
-
-/// The state of a CAN port, in a word.
-pub(in crate::front) const fn can_state(state: CanState) -> &'static str {
-    match state {
-        CanState::Active => "active",
-        CanState::Warning => "warning",
-        CanState::Passive => "passive",
-        CanState::Off => "off",
-        CanState::Down => "down",
     }
 }
 

@@ -2,28 +2,42 @@
 
 use std::collections::VecDeque;
 
-use puente_canopen::{Frame, NodeId};
+use puente_canopen::{Address, Frame, NodeId};
 use puente_line::Instant;
 
-use super::bus::{Bus, Counters, Event, Heard, Totals};
+use super::bus::{Bus, Counters, Event, Heard, Order, Totals};
+use super::drive::AxisConfig;
+use super::fault::Fault;
 use super::node::{Model, Node};
 
 /// Events that are kept; the oldest go first.
 const LOG: usize = 4_096;
 
 /// A simulated node.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct DriveConfig {
-    /// Its node-ID.
-    pub node: NodeId,
+    /// Its node-ID; `None`: it has none yet, and waits for LSS.
+    pub node: Option<NodeId>,
     /// What it is.
     pub model: Model,
+    /// Its serial number (1018h:4).
+    pub serial: u32,
+    /// What it moves, if it is a drive.
+    pub axis: AxisConfig,
+    /// Objects of any length that it has besides, with what is in them.
+    pub domains: Vec<(Address, Vec<u8>)>,
 }
 
 impl DriveConfig {
     /// A node as delivered; `None` for a node-ID outside of 1 to 127.
     pub fn new(node: u8, model: Model) -> Option<Self> {
-        Some(Self { node: NodeId::new(node)?, model })
+        let id = NodeId::new(node)?;
+        Some(Self { node: Some(id), ..Self::unconfigured(model, 1_000 + u32::from(node)) })
+    }
+
+    /// A node without a node-ID, with a serial number.
+    pub fn unconfigured(model: Model, serial: u32) -> Self {
+        Self { node: None, model, serial, axis: AxisConfig::default(), domains: Vec::new() }
     }
 }
 
@@ -75,8 +89,11 @@ impl Cell {
         let mut bus = Bus::new(config.bitrate, config.seed);
         bus.set_drop(config.drop);
         bus.set_errors(config.errors);
-        for _ in 0..config.ports + config.drives.len() {
-            bus.join();
+        for _ in 0..config.ports {
+            bus.join(Order::Given);
+        }
+        for _ in &config.drives {
+            bus.join(Order::Identifier);
         }
         let nodes = config.drives.iter().map(Node::new).collect();
         Self { bus, ports: config.ports, nodes, log: VecDeque::new(), now: Instant::ZERO }
@@ -104,8 +121,13 @@ impl Cell {
 
     /// When something happens next.
     pub fn poll_at(&self) -> Option<Instant> {
-        let nodes = self.nodes.iter().filter_map(Node::poll_at);
-        nodes.chain(self.bus.poll_at()).min()
+        [self.nodes_at(), self.bus.poll_at()].into_iter().flatten().min()
+    }
+
+    /// When a node has something to do. One whose controller has frames is not asked for more of a long answer.
+    fn nodes_at(&self) -> Option<Instant> {
+        let nodes = (self.ports..).zip(&self.nodes);
+        nodes.filter_map(|(seat, node)| node.poll_at(self.bus.pending(seat) == 0)).min()
     }
 
     /// Drops what the station at a port has sent and is not on the bus yet.
@@ -137,12 +159,30 @@ impl Cell {
 
     /// The first node with a node-ID.
     pub fn node(&self, id: u8) -> Option<&Node> {
-        self.nodes.iter().find(|node| node.id().value() == id)
+        self.nodes.iter().find(|node| node.id().map(NodeId::value) == Some(id))
     }
 
-    /// As [`Cell::node`], to change it.
-    pub fn node_mut(&mut self, id: u8) -> Option<&mut Node> {
-        self.nodes.iter_mut().find(|node| node.id().value() == id)
+    /// All nodes, in the order in which they were given.
+    pub fn nodes(&self) -> &[Node] {
+        &self.nodes
+    }
+
+    /// Lets something go wrong from now on with the first node with a node-ID, or mends it; false where there is none.
+    pub fn suffer(&mut self, now: Instant, id: u8, fault: Fault) -> bool {
+        self.run(now);
+        let found = self.nodes.iter().position(|node| node.id().map(NodeId::value) == Some(id));
+        let Some(at) = found else { return false };
+        let seat = self.ports + at;
+        match fault {
+            Fault::Die => self.bus.set_present(seat, false),
+            Fault::Reset => self.bus.set_present(seat, true),
+            Fault::BusOff => self.bus.switch_off(seat),
+            Fault::Babble(frame, time) => self.bus.babble(seat, frame, self.now + time),
+            _ => {}
+        }
+        self.nodes[at].suffer(self.now, fault);
+        self.run(now);
+        true
     }
 
     /// The last events on the bus, oldest first, which are forgotten then.
@@ -155,7 +195,7 @@ impl Cell {
         let now = self.now.max(now);
         loop {
             // Nodes first: who wants to send at a moment takes part in the arbitration of that moment.
-            let node = self.nodes.iter().filter_map(Node::poll_at).min().filter(|at| *at <= now);
+            let node = self.nodes_at().filter(|at| *at <= now);
             let bus = self.bus.poll_at().filter(|at| *at <= now);
             match (node, bus) {
                 (Some(at), bus) if bus.is_none_or(|bus| at <= bus) => self.poll_nodes(self.now.max(at)),
@@ -169,7 +209,7 @@ impl Cell {
     fn poll_nodes(&mut self, now: Instant) {
         self.now = now;
         for (seat, node) in (self.ports..).zip(&mut self.nodes) {
-            while let Some(frame) = node.poll(now) {
+            while let Some(frame) = node.poll(now, self.bus.pending(seat) == 0) {
                 self.bus.send(now, seat, frame);
             }
         }

@@ -19,7 +19,11 @@
 
 pub mod bus;
 mod cell;
+mod drive;
+mod fault;
 mod node;
 
 pub use cell::{Cell, Config, DriveConfig};
-pub use node::{Model, Node};
+pub use drive::{AxisConfig, Cycles, Drive};
+pub use fault::{BadFault, DriveFault, Fault, WORDS};
+pub use node::{BadModel, Model, Node};

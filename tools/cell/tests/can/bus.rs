@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use puente_canopen::{Frame, Id};
-use puente_cell::can::bus::{Bus, Event, State};
+use puente_cell::can::bus::{Bus, Event, Order, State};
 use puente_line::Instant;
 
 const END: Instant = Instant::from_millis(60_000);
@@ -15,7 +15,7 @@ fn data(id: u16, data: &[u8]) -> Frame {
 fn bus(seats: usize) -> Bus {
     let mut bus = Bus::new(1_000_000, 7);
     for _ in 0..seats {
-        bus.join();
+        bus.join(Order::Given);
     }
     bus
 }
@@ -187,13 +187,28 @@ fn a_seat_that_is_off_comes_back_by_itself() {
     assert_eq!((bus.counters(0).state(), bus.counters(0).bus_offs()), (State::Active, 1));
 }
 
+/// What a controller sends next is decided when the bus is free, not when it was given.
+#[test]
+fn a_controller_may_send_its_lowest_identifier_first() {
+    let mut bus = Bus::new(1_000_000, 1);
+    let (from, _) = (bus.join(Order::Identifier), bus.join(Order::Given));
+    let frames = [data(0x700, &[1]), data(0x181, &[1]), data(0x181, &[2]), data(0x080, &[])];
+    bus.send(Instant::ZERO, from, frames[0]);
+    run(&mut bus, Instant::from_micros(5));
+    for frame in &frames[1..] {
+        bus.send(Instant::from_micros(5), from, *frame);
+    }
+    let order: Vec<_> = run(&mut bus, END).into_iter().map(|(_, frame)| frame).collect();
+    assert_eq!(order, [frames[0], frames[3], frames[1], frames[2]]);
+}
+
 #[test]
 fn bit_rates() {
     for (bitrate, bit) in
         [(1_000_000, 1), (500_000, 2), (250_000, 4), (125_000, 8), (50_000, 20), (10_000, 100)]
     {
         let mut bus = Bus::new(bitrate, 1);
-        let (from, _) = (bus.join(), bus.join());
+        let (from, _) = (bus.join(Order::Given), bus.join(Order::Given));
         let frame = data(0x2AA, &[0x55; 5]);
         bus.send(Instant::ZERO, from, frame);
         assert_eq!(run(&mut bus, END), [(bit * (u64::from(frame.bits()) - 3), frame)]);

@@ -1,3 +1,6 @@
 //! CANopen nodes on a CAN bus in virtual time.
 
+mod bench;
 mod bus;
+mod modes;
+mod states;

@@ -19,7 +19,7 @@ impl Client {
     }
 
     /// Whether a read waits before each segment, or each block: its caller has no room for it, which is as long as
-    /// [`Config::block`] says and a segment more. A block under way is not held up. Ends with the transfer.
+    /// [`Config::block`](super::Config::block) says and a segment more. A block under way is not held up. Ends with the transfer.
     ///
     /// The time that a server waits is its own matter.
     pub const fn pause(&mut self, paused: bool) {
@@ -48,6 +48,11 @@ impl Client {
         self.abort = None;
         self.quiet_until = now;
         self.owes_one = false;
+    }
+
+    /// Whether something of the last transfer was asked again, so that it may be answered twice.
+    pub const fn has_repeated(&self) -> bool {
+        self.repeated
     }
 
     /// Until when it asks for nothing else; `None` while a transfer is in work or the server is to be told of its end.

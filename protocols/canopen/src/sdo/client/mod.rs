@@ -44,6 +44,8 @@ pub struct Client {
     /// When the response that is waited for is overdue.
     deadline: Instant,
     retries: u8,
+    /// Something was asked again, and may be answered twice.
+    repeated: bool,
     /// Nothing is sent that brings data.
     paused: bool,
     heard: Option<u8>,
@@ -91,6 +93,7 @@ impl Client {
             work: Work::Upload(Upload::new(false)),
             deadline: Instant::ZERO,
             retries: 0,
+            repeated: false,
             paused: false,
             heard: None,
             abort: None,
@@ -128,6 +131,7 @@ impl Client {
             Transfer::Download { size, block, .. } => Work::Download(Download::new(size, block)),
         };
         self.retries = 0;
+        self.repeated = false;
         self.paused = false;
         self.heard = None;
         self.portion.clear();
@@ -347,6 +351,7 @@ impl Client {
                 Work::Download(download) => download.again(),
             };
         if again {
+            self.repeated = true;
             self.state = State::Ready;
             return;
         }

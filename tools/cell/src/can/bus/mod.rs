@@ -15,6 +15,7 @@ pub use counters::{Counters, State};
 use puente_canopen::Frame;
 use puente_framed::Random;
 use puente_line::Instant;
+pub use seat::Order;
 use seat::Seat;
 
 /// Superposed error flags of two nodes, delimiter, intermission: the longest error frame.
@@ -135,8 +136,8 @@ impl Bus {
     }
 
     /// A new seat; gives its number.
-    pub fn join(&mut self) -> usize {
-        self.seats.push(Seat::default());
+    pub fn join(&mut self, order: Order) -> usize {
+        self.seats.push(Seat::new(order));
         self.seats.len() - 1
     }
 
@@ -182,7 +183,8 @@ impl Bus {
 
     /// Forgets what a seat wants to send and has not begun.
     pub fn discard(&mut self, seat: usize) {
-        let begun = self.current.as_ref().is_some_and(|current| current.senders.contains(&seat));
+        let begun = self.current.as_ref().filter(|current| current.senders.contains(&seat));
+        let begun = begun.map(|current| current.frame);
         if let Some(seat) = self.seats.get_mut(seat) {
             seat.discard(begun);
         }
@@ -315,7 +317,7 @@ impl Bus {
         let mut waited = 0;
         for (number, seat) in self.seats.iter_mut().enumerate() {
             if current.senders.contains(&number) {
-                waited = waited.max(seat.sent(current.begin, self.free, self.bit));
+                waited = waited.max(seat.sent(&current.frame, current.begin, self.free, self.bit));
             } else if seat.hears() {
                 seat.counters.received();
                 if !dropped {

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use puente_canopen::Frame;
 
+use super::arbitration::key;
 use super::counters::{Counters, State};
 use super::{Heard, INBOX, SUSPENSION};
 
@@ -15,33 +16,51 @@ struct Babble {
     until: u64,
 }
 
-/// A controller with its queues. Frames go out in the order in which they were given.
+/// In which order a controller sends what it has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Order {
+    /// As it was given.
+    #[default]
+    Given,
+    /// The lowest identifier first, and those alike as they were given.
+    Identifier,
+}
+
+/// A controller with its queues.
 pub struct Seat {
     pub inbox: VecDeque<Heard>,
     pub counters: Counters,
     pub longest_wait: Duration,
-    outbox: VecDeque<(u64, Frame)>,
+    order: Order,
+    outbox: Vec<(u64, Frame)>,
     babble: Option<Babble>,
     absent: bool,
     /// Not before: it lets others go first.
     suspended: u64,
 }
 
-impl Default for Seat {
-    fn default() -> Self {
+impl Seat {
+    pub fn new(order: Order) -> Self {
         Self {
             inbox: VecDeque::new(),
             counters: Counters::default(),
             longest_wait: Duration::ZERO,
-            outbox: VecDeque::new(),
+            order,
+            outbox: Vec::new(),
             babble: None,
             absent: false,
             suspended: 0,
         }
     }
-}
 
-impl Seat {
+    /// What it sends next.
+    fn next(&self) -> Option<&(u64, Frame)> {
+        match self.order {
+            Order::Given => self.outbox.first(),
+            Order::Identifier => self.outbox.iter().min_by_key(|(_, frame)| key(frame)),
+        }
+    }
+
     pub fn set_present(&mut self, present: bool) {
         self.absent = !present;
         if self.absent {
@@ -56,13 +75,14 @@ impl Seat {
 
     pub fn send(&mut self, now: u64, frame: Frame) {
         if !self.absent {
-            self.outbox.push_back((now, frame));
+            self.outbox.push((now, frame));
         }
     }
 
-    /// Forgets what waits, but for the first frame if that has `begun`.
-    pub fn discard(&mut self, begun: bool) {
-        self.outbox.truncate(usize::from(begun));
+    /// Forgets what waits, but for a frame that has `begun`.
+    pub fn discard(&mut self, begun: Option<Frame>) {
+        self.outbox.retain(|(_, frame)| Some(*frame) == begun);
+        self.outbox.truncate(1);
     }
 
     pub fn pending(&self) -> usize {
@@ -87,7 +107,7 @@ impl Seat {
             return None;
         }
         let babble = self.babble.as_ref().map(|babble| babble.from.max(free)).filter(|at| self.babbles(*at));
-        let queued = self.outbox.front().map(|(at, _)| *at);
+        let queued = self.outbox.iter().map(|(at, _)| *at).min();
         let wants = [queued, babble].into_iter().flatten().min()?;
         let on =
             if self.counters.state() == State::Off { idle + self.counters.recovers_in() * bit } else { 0 };
@@ -102,18 +122,19 @@ impl Seat {
     pub fn offer(&self, at: u64) -> Option<Frame> {
         match &self.babble {
             Some(babble) if self.babbles(at) => Some(babble.frame),
-            _ => self.outbox.front().map(|(_, frame)| *frame),
+            _ => self.next().map(|(_, frame)| *frame),
         }
     }
 
-    /// Its frame, which began at `begin`, went over the bus, which is free from `free` on; how long it waited, ns.
-    pub fn sent(&mut self, begin: u64, free: u64, bit: u64) -> u64 {
+    /// A frame of it, which began at `begin`, went over the bus, which is free from `free` on; how long it waited, ns.
+    pub fn sent(&mut self, frame: &Frame, begin: u64, free: u64, bit: u64) -> u64 {
         self.counters.sent();
         self.suspend(free, bit);
         if self.babbles(begin) {
             return 0;
         }
-        let queued = self.outbox.pop_front().map_or(begin, |(at, _)| at);
+        let place = self.outbox.iter().position(|(_, queued)| queued == frame);
+        let queued = place.map_or(begin, |place| self.outbox.remove(place).0);
         let waited = begin.saturating_sub(queued);
         self.longest_wait = self.longest_wait.max(Duration::from_nanos(waited));
         waited

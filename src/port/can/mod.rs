@@ -1,9 +1,15 @@
 //! The contract of a CAN port.
 
+// What a CAN controller needs, and a host has not.
+#[cfg(any(test, all(target_os = "none", feature = "nucleo", network)))]
+pub(super) mod mailboxes;
+#[cfg(any(test, all(target_os = "none", feature = "nucleo", network)))]
+pub(super) mod timing;
+
 use puente_canopen::Frame;
 
-/// Bit rates that every CAN port can do, in bit/s: those of CiA 301, 6.1, and 100 kbit/s, which many nodes know. What else
-/// a port can do, [`super::check_can`] says.
+/// Bit rates of CiA 301, and 100 kbit/s, which many nodes know; in bit/s. Which of them, and which others, a port can do,
+/// [`super::check_can`] says.
 pub const BIT_RATES: [u32; 9] =
     [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
 
@@ -85,6 +91,17 @@ impl CanState {
             0..96 => Self::Active,
             96..128 => Self::Warning,
             _ => Self::Passive,
+        }
+    }
+
+    /// In a word.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Active => "active",
+            Self::Warning => "warning",
+            Self::Passive => "passive",
+            Self::Off => "off",
+            Self::Down => "down",
         }
     }
 

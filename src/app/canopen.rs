@@ -1,0 +1,202 @@
+//! What the settings say of CANopen buses, as those take it who work with it.
+
+use core::marker::PhantomData;
+
+use heapless::Vec;
+use puente_canopen::boot::{Plan, Signs};
+use puente_canopen::dcf::{self, Entry, List};
+use puente_canopen::lss::Known;
+use puente_canopen::manager::{Config, Member};
+use puente_canopen::monitor::Supervision;
+use puente_canopen::{NodeId, sdo, sync};
+use puente_drives::cia402::homing::Method;
+use puente_drives::cia402::object::{HOMING_ACCELERATION, MAX_PROFILE_VELOCITY};
+use puente_line::Duration;
+use puente_servos::{Axis, Homing, setup};
+use static_cell::{ConstStaticCell, StaticCell};
+
+use super::{DESK, millis};
+use crate::bus::canopen::{Room, Setup};
+use crate::desk::{BusImage, CanBus, CanSpec, Servos};
+use crate::port::limits::{AXES, CANOPEN, NODES, WRITES};
+use crate::settings::{self, AXIS_HEARTBEAT_MS, Bus, Canopen, Cia402, Drive, Node, Settings};
+
+/// Bytes of a value as it is listed for a node: index, sub-index, size, and the longest value.
+const ENTRY: usize = 3 + 4 + 8;
+/// Values that are written to an axis' node for what its settings say, besides those of its PDOs.
+const OWN: usize = 2;
+/// Bytes of what is written to one node, and to all of them; before each list there is its length.
+const MOST: usize = 4 + WRITES * ENTRY + setup::MOST + OWN * ENTRY;
+const ALL: usize = AXES * (4 + setup::MOST + OWN * ENTRY) + NODES * (4 + WRITES * ENTRY);
+
+static ROOMS: [StaticCell<Room>; CANOPEN] = [const { StaticCell::new() }; CANOPEN];
+static LISTS: ConstStaticCell<[u8; ALL]> = ConstStaticCell::new([0; ALL]);
+
+/// Makes a manager for each CANopen bus, and adds it to the desk.
+pub(super) fn add(settings: &Settings) {
+    let mut lists: &'static mut [u8] = LISTS.take();
+    let buses = (0..).zip(&settings.buses).filter_map(|(index, bus)| Some((index, bus, bus.canopen()?)));
+    for (room, (index, bus, canopen)) in ROOMS.iter().zip(buses) {
+        let Some(node) = NodeId::new(canopen.node) else { continue };
+        let mut members = Vec::<Member<'static>, { AXES + NODES }>::new();
+        for member in members_of(settings, bus, canopen, &mut lists) {
+            // There is room for all of the settings.
+            let _ = members.push(member);
+        }
+        let axes = axes_of(settings, bus).filter_map(|(_, axis, cia402)| drive(axis, cia402));
+        let room = room.init_with(|| Room::new(config(node, canopen), members, axes));
+        DESK.add_can(CanSpec { bus: index, net: canopen.net, bitrate: canopen.bitrate, room });
+    }
+}
+
+/// What the pump of a CANopen bus works with.
+pub struct Parts {
+    /// Clients,
+    pub clients: CanBus<'static>,
+    /// axes,
+    pub image: BusImage<'static, Servos>,
+    /// and how it works.
+    pub setup: Setup,
+}
+
+/// What the pump of a CANopen bus works with; none where the bus is none.
+pub fn canopen(settings: &Settings, index: u8) -> Option<Parts> {
+    let bus = settings.buses.get(usize::from(index))?;
+    let canopen = bus.canopen()?;
+    let clients = CanBus::new(&DESK, index)?;
+    let room = clients.room()?;
+    let axes = axes_of(settings, bus).map(|(id, ..)| id).collect();
+    let image = BusImage { desk: &DESK, bus: index, axes, kind: PhantomData };
+    Some(Parts { clients, image, setup: Setup { room, sdo_timeout: millis(canopen.sdo_timeout_ms.into()) } })
+}
+
+fn config(node: NodeId, canopen: &Canopen) -> Config {
+    Config {
+        sync: Duration::from_micros(canopen.sync_us.into()),
+        overflow: sync::Overflow::new(canopen.sync_overflow),
+        heartbeat: millis(canopen.heartbeat_ms.into()),
+        sdo: sdo::Config { timeout: millis(canopen.sdo_timeout_ms.into()), ..sdo::Config::DEFAULT },
+        ..Config::new(node)
+    }
+}
+
+/// The axes of a bus with their numbers.
+fn axes_of<'s>(
+    settings: &'s Settings,
+    bus: &'s Bus,
+) -> impl Iterator<Item = (u8, &'s settings::Axis, &'s Cia402)> {
+    (0..).zip(&settings.axes).filter_map(|(id, axis)| match &axis.drive {
+        Drive::Cia402(cia402) if axis.bus == bus.name => Some((id, axis, cia402)),
+        _ => None,
+    })
+}
+
+/// The drive of an axis.
+fn drive(axis: &settings::Axis, cia402: &Cia402) -> Option<Axis> {
+    let homing = Homing {
+        method: cia402.homing.and_then(Method::new),
+        fast: cia402.homing_fast,
+        slow: cia402.homing_slow,
+    };
+    Some(Axis { homing, ..Axis::new(NodeId::new(axis.address)?, cia402.profile) })
+}
+
+/// The nodes that are booted and watched: those of axes, and the others of which the settings say something.
+fn members_of<'s>(
+    settings: &'s Settings,
+    bus: &'s Bus,
+    canopen: &'s Canopen,
+    lists: &'s mut &'static mut [u8],
+) -> impl Iterator<Item = Member<'static>> {
+    let axes = move || axes_of(settings, bus);
+    let nodes = move || settings.nodes.iter().filter(|node| node.bus == bus.name);
+    let of_axes = axes().map(|(_, axis, _)| axis.address);
+    let others = nodes().map(|node| node.id).filter(move |id| axes().all(|(_, axis, _)| axis.address != *id));
+    of_axes.chain(others).filter_map(move |id| {
+        let axis = axes().find(|(_, axis, _)| axis.address == id).map(|(_, axis, cia402)| (axis, cia402));
+        let usual = || Node::new(bus.name.clone(), id);
+        let node = nodes().find(|node| node.id == id).cloned().unwrap_or_else(usual);
+        member(&node, axis, Duration::from_micros(canopen.sync_us.into()), lists)
+    })
+}
+
+fn member(
+    node: &Node,
+    axis: Option<(&settings::Axis, &Cia402)>,
+    sync: Duration,
+    lists: &mut &'static mut [u8],
+) -> Option<Member<'static>> {
+    let heartbeat =
+        node.heartbeat_ms.or_else(|| (axis.is_some() && node.guard_ms == 0).then_some(AXIS_HEARTBEAT_MS));
+    let (signs, supervision) = match (node.guard_ms, heartbeat) {
+        (0, None) => (Signs::Unchanged, Supervision::Off),
+        (0, Some(0)) => (Signs::Heartbeat(0), Supervision::Off),
+        // One may be lost, and the next be late.
+        (0, Some(ms)) => {
+            (Signs::Heartbeat(ms), Supervision::Heartbeat { timeout: millis(ms.into()) * 5 / 2 })
+        }
+        (ms, _) => {
+            let (time, factor) = (millis(ms.into()), node.life_factor);
+            (Signs::Guarding { time: ms, factor }, Supervision::Guarding { time, factor })
+        }
+    };
+    let plan = Plan {
+        device_type: node.device_type,
+        identity: Known {
+            vendor: node.vendor,
+            product: node.product,
+            revision: node.revision,
+            serial: node.serial,
+        },
+        configuration: list(node, axis, sync, lists),
+        signs,
+        starts: node.start,
+    };
+    Some(Member { plan, supervision, optional: node.optional, ..Member::new(NodeId::new(node.id)?) })
+}
+
+/// What is written to a node: what the settings say of it, then what its axis needs.
+#[inline(never)]
+fn list(
+    node: &Node,
+    axis: Option<(&settings::Axis, &Cia402)>,
+    sync: Duration,
+    lists: &mut &'static mut [u8],
+) -> List<'static> {
+    let mut list = Vec::<u8, MOST>::new();
+    let written = writes(&mut list, node, axis, sync);
+    let rest = core::mem::take(lists);
+    let (Ok(()), Some((place, rest))) = (written, rest.split_at_mut_checked(list.len())) else {
+        // There is room for the longest.
+        log::error!("node {} of \"{}\": no room for what is written to it", node.id, node.bus);
+        return List::EMPTY;
+    };
+    place.copy_from_slice(&list);
+    *lists = rest;
+    List::parse(place).unwrap_or(List::EMPTY)
+}
+
+fn writes(
+    list: &mut Vec<u8, MOST>,
+    node: &Node,
+    axis: Option<(&settings::Axis, &Cia402)>,
+    sync: Duration,
+) -> Result<(), dcf::Full> {
+    for write in &node.writes {
+        let (bytes, length) = write.value.bytes();
+        let data = bytes.get(..length).unwrap_or_default();
+        dcf::push(list, Entry { address: write.address, data })?;
+    }
+    let Some((axis, cia402)) = axis else { return Ok(()) };
+    if let Some(drive) = drive(axis, cia402) {
+        setup::push(list, &drive, sync)?;
+    }
+    let own =
+        [(HOMING_ACCELERATION, cia402.homing_acceleration), (MAX_PROFILE_VELOCITY, cia402.max_velocity)];
+    for (object, value) in own {
+        if let Some(value) = value {
+            dcf::push(list, Entry { address: object.address, data: &value.to_le_bytes() })?;
+        }
+    }
+    Ok(())
+}
