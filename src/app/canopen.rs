@@ -6,7 +6,7 @@ use heapless::Vec;
 use puente_canopen::boot::{Plan, Signs};
 use puente_canopen::dcf::{self, Entry, List};
 use puente_canopen::lss::Known;
-use puente_canopen::manager::{Config, Member};
+use puente_canopen::manager::{Config, Member, babble_limit};
 use puente_canopen::monitor::Supervision;
 use puente_canopen::{NodeId, sdo, sync};
 use puente_drives::cia402::homing::Method;
@@ -16,6 +16,7 @@ use puente_servos::{Axis, Homing, setup};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use super::{DESK, millis};
+use crate::axis::cia402;
 use crate::bus::canopen::{Room, Setup};
 use crate::desk::{BusImage, CanBus, CanSpec, Servos};
 use crate::port::limits::{AXES, CANOPEN, NODES, WRITES};
@@ -76,6 +77,7 @@ fn config(node: NodeId, canopen: &Canopen) -> Config {
         overflow: sync::Overflow::new(canopen.sync_overflow),
         heartbeat: millis(canopen.heartbeat_ms.into()),
         sdo: sdo::Config { timeout: millis(canopen.sdo_timeout_ms.into()), ..sdo::Config::DEFAULT },
+        babble: babble_limit(canopen.bitrate),
         ..Config::new(node)
     }
 }
@@ -89,6 +91,13 @@ fn axes_of<'s>(
         Drive::Cia402(cia402) if axis.bus == bus.name => Some((id, axis, cia402)),
         _ => None,
     })
+}
+
+/// What the axis of a drive on this bus goes by.
+pub(super) fn axis(settings: &Settings, bus: u8, cia402: &Cia402) -> cia402::Spec {
+    let canopen = settings.buses.get(usize::from(bus)).and_then(Bus::canopen);
+    let sync = canopen.is_some_and(|canopen| canopen.sync_us > 0);
+    cia402::Spec { profile: cia402.profile, sync, cyclic: None }
 }
 
 /// The drive of an axis.

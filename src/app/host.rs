@@ -14,7 +14,7 @@ use super::simulated::{simulated, simulated_can};
 use super::{InForce, bus_task, canopen_task, framed_task, front_task, keeper_task, modbus, watch_task};
 use crate::clock;
 use crate::front::Gateway;
-use crate::port::host::{CanSpec, Doors, LineSpec, exact_timers, random, start_log};
+use crate::port::host::{CanSpec, Doors, LineSpec, Ports, exact_timers, random, start_log};
 use crate::port::{Can, Flash, Line, Place, limits};
 use crate::settings::store::Store;
 use crate::settings::{Bus, Framed, Modbus, Problem, Protocol, Settings, VERSION};
@@ -125,12 +125,21 @@ fn run(options: &Options, base: Settings) -> ExitCode {
     };
     // The options go before the document, and are no part of it.
     let net = options.on(settings).net;
-    let doors = match Doors::open(net.bind, net.port, net.modbus_port) {
+    let doors = Doors::open(
+        net.bind,
+        Ports {
+            main: net.port,
+            modbus: net.modbus_port,
+            slcan: net.slcan_port,
+            socketcand: net.socketcand_port,
+        },
+    );
+    let doors = match doors {
         Ok(doors) => doors,
         Err(error) => return fail(error),
     };
-    let (main, modbus) = match doors.addresses() {
-        Ok(addresses) => addresses,
+    let ready = match ready(&doors) {
+        Ok(ready) => ready,
         Err(error) => return fail(error),
     };
     let gateway = super::build(settings, keeper);
@@ -138,10 +147,19 @@ fn run(options: &Options, base: Settings) -> ExitCode {
         return fail(error);
     }
     std::thread::spawn(move || buses(gateway, ports));
-    if print(&format!("ready http://{main} modbus-tcp://{modbus}\n")) == ExitCode::FAILURE {
+    if print(&ready) == ExitCode::FAILURE {
         return fail("standard output is closed");
     }
     clients(gateway, store, doors)
+}
+
+/// The line that tells where the gateway listens.
+fn ready(doors: &Doors) -> std::io::Result<String> {
+    let mut line = "ready".to_owned();
+    for (name, address) in doors.addresses() {
+        line += &format!(" {name}://{}", address?);
+    }
+    Ok(line + "\n")
 }
 
 /// Ctrl-C, SIGTERM or SIGHUP: stops the axes that are under a lease, then ends the program.

@@ -15,6 +15,7 @@ mod simulated;
 mod vital;
 
 use embassy_futures::block_on;
+use puente_drives::pid::Gains;
 use puente_line::Duration;
 use puente_modbus::{Config, Echo, Mode};
 use static_cell::{ConstStaticCell, StaticCell};
@@ -107,19 +108,19 @@ pub fn build(settings: &'static Settings, keeper: &'static Keeper) -> &'static G
         DESK.send_frames_to(bus as u8);
     }
     canopen::add(settings);
-    let axes = Axes::new(&DESK, axes(settings).filter_map(|(id, axis)| axis_spec(settings, id, axis)));
+    let axes = Axes::new(&DESK, axes(settings).map(|(id, axis)| axis_spec(settings, id, axis)));
     GATEWAY.init_with(|| Gateway::new(settings, &DESK, axes, keeper))
 }
 
-/// The axes that can be commanded, with their numbers.
+/// The axes with their numbers.
 fn axes(settings: &Settings) -> impl Iterator<Item = (u8, &settings::Axis)> {
-    (0..).zip(settings.axes.iter().filter(|axis| !matches!(axis.drive, settings::Drive::Cia402(_))))
+    (0..).zip(&settings.axes)
 }
 
 /// What the axes go by of one of them; a cyclic one is added to the desk's process image.
-fn axis_spec(settings: &Settings, id: u8, axis: &settings::Axis) -> Option<AxisSpec> {
+fn axis_spec(settings: &Settings, id: u8, axis: &settings::Axis) -> AxisSpec {
     let bus = settings.bus(&axis.bus).unwrap_or_default();
-    Some(AxisSpec {
+    AxisSpec {
         name: axis.name.clone(),
         bus,
         bus_name: axis.bus.clone(),
@@ -132,9 +133,12 @@ fn axis_spec(settings: &Settings, id: u8, axis: &settings::Axis) -> Option<AxisS
                 DESK.add_cyclic(id, bus, framed::gains(pid));
                 DriveSpec::Pid(framed::axis(settings, usize::from(bus), pid))
             }
-            settings::Drive::Cia402(_) => return None,
+            settings::Drive::Cia402(cia402) => {
+                DESK.add_cyclic(id, bus, Gains::default());
+                DriveSpec::Cia402(canopen::axis(settings, bus, cia402))
+            }
         },
-    })
+    }
 }
 
 fn millis(ms: u32) -> Duration {

@@ -292,8 +292,9 @@ mod tests {
         type Report = Report;
         type Fall = Control;
 
-        fn outputs(&self, _: Instant, mut set: impl FnMut(usize, Output)) {
+        fn outputs(&self, _: Instant, mut set: impl FnMut(usize, Output)) -> Option<Instant> {
             set(0, Output::default());
+            None
         }
 
         fn reported(&self, _: Instant, _: usize, _: Report, _: bool) {}

@@ -114,8 +114,8 @@ pub trait Image {
     /// What is left of what was wanted of it.
     type Fall;
 
-    /// Shows what is wanted of each axis now.
-    fn outputs(&self, now: Instant, set: impl FnMut(usize, Self::Output));
+    /// Shows what is wanted of each axis now; until when, where motion ends by itself.
+    fn outputs(&self, now: Instant, set: impl FnMut(usize, Self::Output)) -> Option<Instant>;
     /// An axis has reported; `current` if that answers what was shown last.
     fn reported(&self, now: Instant, place: usize, report: Self::Report, current: bool);
     /// What was wanted of an axis is not any more: it has lost its current by itself, or another has stopped it.

@@ -280,7 +280,7 @@ impl Desk {
             state.leases.get_mut(usize::from(permit.axis()))?.run(now);
             Some(())
         })
-        .is_some()
+        .is_some_and(|()| self.moving(now, permit))
     }
 
     /// Standstill of a module. Allowed to everyone.

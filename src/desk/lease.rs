@@ -118,6 +118,11 @@ impl Permit {
         self.valid(leases, now) && leases.get(usize::from(self.axis)).is_some_and(|axis| axis.lease.is_some())
     }
 
+    /// When it ends unless its holder shows life.
+    pub(super) fn end(&self, leases: &[AxisLease]) -> Option<Instant> {
+        leases.get(usize::from(self.axis))?.lease.as_ref().map(|lease| lease.until)
+    }
+
     /// The axis that it is for.
     pub(super) fn axis(&self) -> u8 {
         self.axis
@@ -383,7 +388,7 @@ impl Desk {
                 }
             }
         });
-        self.leases_changed.iter().for_each(|signal| signal.signal(()));
+        self.leases_changed.iter().chain(&self.work).for_each(|signal| signal.signal(()));
     }
 
     /// The gateway has failed while this axis may have moved, and has just started anew: its watchman has to stop it.

@@ -1,14 +1,16 @@
-//! The line dialects: each line is a Modbus ASCII frame or a console command, and gets one line back.
+//! The line dialects: each line is a Modbus ASCII frame, a console command, a CAN frame or a command of CiA 309-3, and gets its
+//! answer before the next one is looked at.
 
 use core::pin::{Pin, pin};
 
 use embassy_futures::select::{Either, select};
-use embassy_time::with_timeout;
 use embedded_io_async::{Read, Write};
 use heapless::String;
 
+use super::can::{self, Last};
 use super::inbox::Inbox;
 use super::{End, Gateway, Guest, console, idle, modbus_ascii, send};
+use crate::clock;
 
 /// Longest line: a Modbus ASCII frame.
 const LINE: usize = puente_modbus::ascii::MAX_ADU;
@@ -23,6 +25,8 @@ enum Line<'g> {
     Console(console::Task),
     /// A frame.
     Modbus(modbus_ascii::Task<'g>),
+    /// What goes on a CAN bus.
+    Can(can::Task),
     /// Nothing is left to do.
     Done,
     /// It is still to arrive.
@@ -37,14 +41,17 @@ pub(super) async fn serve<R: Read, W: Write>(
 ) -> End {
     // The rest of a line that was too long is dropped.
     let mut skipping = false;
+    let patience = puente_line::Duration::from_micros(idle(gateway).as_micros());
+    let mut client = can::Client::new(gateway, guest);
     loop {
-        let mut line = next_line(gateway, guest, inbox, writer, &mut skipping).await;
+        let mut line = next_line(gateway, guest, inbox, writer, &mut client, &mut skipping).await;
         let served = match &mut line {
             Ok(Line::Console(task)) => command(gateway, guest, inbox, writer, task).await,
             Ok(Line::Modbus(task)) => frame(gateway, inbox, writer, task).await,
+            Ok(Line::Can(task)) => client.serve(inbox, writer, *task).await,
             Ok(Line::Done) => Ok(()),
             Ok(Line::Awaited) if inbox.ended() => Err(End::Closed),
-            Ok(Line::Awaited) => with_timeout(idle(gateway), inbox.fill()).await.unwrap_or(Err(End::Idle)),
+            Ok(Line::Awaited) => client.listen(inbox, writer, clock::now() + patience).await,
             Err(end) => Err(*end),
         };
         if let Err(end) = served {
@@ -62,10 +69,11 @@ async fn next_line<'g, R: Read, W: Write>(
     guest: Guest,
     inbox: &mut Inbox<'_, R>,
     writer: &mut W,
+    client: &mut can::Client<'g>,
     skipping: &mut bool,
 ) -> Result<Line<'g>, End> {
     let mut reply = Reply::new();
-    let line = take_line(gateway, guest, inbox, skipping, &mut reply);
+    let line = take_line(gateway, guest, inbox, client, skipping, &mut reply);
     answer(writer, &reply).await?;
     Ok(line)
 }
@@ -107,36 +115,63 @@ fn take_line<'g, R: Read>(
     gateway: &'g Gateway,
     guest: Guest,
     inbox: &mut Inbox<'_, R>,
+    client: &mut can::Client<'g>,
     skipping: &mut bool,
     reply: &mut Reply,
 ) -> Line<'g> {
     let data = inbox.data();
-    let end = data.iter().position(|byte| *byte == b'\n').map(|at| at + 1);
-    let length = match end {
-        Some(length) => length,
-        None if inbox.ended() || inbox.full() => data.len(),
+    let (length, whole) = match end(data) {
+        Some(length) => (length, true),
+        None if inbox.ended() || inbox.full() => (data.len(), inbox.ended()),
         None => return Line::Awaited,
     };
     if length == 0 {
         return Line::Awaited;
     }
-    let line = data.get(..length).unwrap_or_default().trim_ascii();
-    let task = if *skipping {
-        None
-    } else if line.len() > LINE {
-        let _ = reply.push_str(TOO_LONG);
-        None
-    } else {
-        let gone = inbox.ended();
-        match line.first() {
-            None => None,
-            Some(b':') => modbus_ascii::begin(gateway, guest, gone, line, reply).map(Line::Modbus),
-            Some(_) => console::begin(gateway, guest, gone, line, reply).map(Line::Console),
+    let all = data.get(..length).unwrap_or_default();
+    let line = all.trim_ascii();
+    let gone = inbox.ended();
+    let (read, task) = match line.first() {
+        _ if *skipping => (length, None),
+        Some(b'[' | b'#' | b'0'..=b'9') => {
+            let (read, task) = client.command(all, whole, reply);
+            (read, task.map(Line::Can))
+        }
+        Some(_) if line.len() > LINE => {
+            let _ = reply.push_str(TOO_LONG);
+            (length, None)
+        }
+        None => {
+            client.said_nothing(reply);
+            (length, None)
+        }
+        Some(b'=') => (length, client.bridged(line, reply).map(Line::Can)),
+        Some(b':') if line.contains(&b',') => (length, client.controlled(line, reply).map(Line::Can)),
+        Some(b':') => {
+            client.said(Last::Other);
+            (length, modbus_ascii::begin(gateway, guest, gone, line, reply).map(Line::Modbus))
+        }
+        Some(_) => {
+            client.said(Last::Other);
+            (length, console::begin(gateway, guest, gone, line, reply).map(Line::Console))
         }
     };
-    *skipping = end.is_none();
-    inbox.consume(length);
+    // A task takes what is left of its line.
+    *skipping = !whole && task.is_none();
+    inbox.consume(read);
     task.unwrap_or(Line::Done)
+}
+
+/// Where the first line ends: behind a line feed, or as its dialect has it.
+fn end(data: &[u8]) -> Option<usize> {
+    let ends: &[u8] = match data.iter().find(|byte| !matches!(byte, b' ' | b'\t')) {
+        // What is left of the last one, which a carriage return has ended.
+        Some(b'\r') if data.iter().any(|byte| !byte.is_ascii_whitespace()) => b"\r\n",
+        Some(b'=') => b"X\r\n",
+        Some(b':') => b"\r\n",
+        _ => b"\n",
+    };
+    data.iter().position(|byte| ends.contains(byte)).map(|at| at + 1)
 }
 
 /// Does some work. What arrives meanwhile is kept, and renews the client's leases.

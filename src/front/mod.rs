@@ -1,5 +1,6 @@
 //! Sockets to requests, replies to sockets. One listener; the first bytes decide the dialect.
 
+mod can;
 mod console;
 mod dictionary;
 mod framed;
@@ -200,6 +201,8 @@ async fn attend<S: Socket>(gateway: &'static Gateway, guest: Guest, socket: &mut
     let mut inbox = Inbox::new(reader, gateway.desk, guest.connection);
     let dialect = match door {
         Door::Modbus => Ok(Dialect::ModbusTcp),
+        Door::Slcan => return can::slcan::serve(gateway, guest, &mut inbox, &mut writer).await,
+        Door::Socketcand => return can::socketcand::serve(gateway, guest, &mut inbox, &mut writer).await,
         Door::Main => match with_timeout(first_bytes, listen(&mut inbox)).await {
             Ok(dialect) => dialect,
             Err(_) => Err(End::Idle),

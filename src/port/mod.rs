@@ -82,13 +82,17 @@ pub struct Stack {
     pub used: usize,
 }
 
-/// Which of the two TCP ports a client came through.
+/// Which of the TCP ports a client came through. A board has the first two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Door {
     /// Port 80 (8080 on the host): the first bytes decide the dialect.
     Main,
     /// Port 502 (8502 on the host): Modbus/TCP only.
     Modbus,
+    /// SLCAN only.
+    Slcan,
+    /// socketcand only.
+    Socketcand,
 }
 
 /// A client's address.

@@ -8,6 +8,8 @@ use super::http::insist;
 
 /// What the settings call its lines.
 pub const LINES: [&str; 2] = ["rs485-a", "rs485-b"];
+/// The same of its CAN buses.
+pub const CANS: [&str; 2] = ["can-1", "can-2"];
 
 /// The settings as they are put.
 pub fn json(document: &str) -> Value {

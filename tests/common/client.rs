@@ -178,6 +178,12 @@ impl Lines {
         self.stream.get_mut().write_all(format!("{text}\r\n").as_bytes()).expect("sent");
     }
 
+    /// Sends this and no line end.
+    #[track_caller]
+    pub fn put(&mut self, text: &str) {
+        self.stream.get_mut().write_all(text.as_bytes()).expect("sent");
+    }
+
     /// The next line, without its end.
     #[track_caller]
     pub fn line(&mut self) -> String {
@@ -187,10 +193,30 @@ impl Lines {
         line.trim_end().to_owned()
     }
 
+    /// What comes to the next carriage return, without it.
+    #[track_caller]
+    pub fn until_return(&mut self) -> String {
+        let mut text = Vec::new();
+        self.stream.read_until(b'\r', &mut text).expect("a text");
+        assert_eq!(text.pop(), Some(b'\r'));
+        String::from_utf8(text).expect("text")
+    }
+
     #[track_caller]
     pub fn ask(&mut self, text: &str) -> String {
         self.send(text);
         self.line()
+    }
+
+    /// As `ask`, of an answer that has line feeds in it.
+    #[track_caller]
+    pub fn ask_long(&mut self, text: &str) -> String {
+        self.send(text);
+        let mut answer = String::new();
+        while !answer.ends_with("\r\n") {
+            assert_ne!(self.stream.read_line(&mut answer).expect("a line"), 0, "ended: {answer:?}");
+        }
+        answer.trim_end().to_owned()
     }
 
     /// As `ask`; the answer must begin with `ok`.

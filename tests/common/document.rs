@@ -7,9 +7,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use puente_line::Settings;
 use puente_modbus::Mode;
 
+use super::can::Adapter;
 use super::table::Table;
 use super::wire::{Place, Wire};
-use super::{Gateway, target};
+use super::{Gateway, board, target};
 
 /// A settings document without what depends on the target: where its lines and its network are.
 #[derive(Default)]
@@ -21,6 +22,7 @@ pub struct Document {
 
 struct Bus {
     place: Place,
+    can: bool,
     live: Arc<AtomicBool>,
     keys: String,
 }
@@ -49,7 +51,7 @@ impl Document {
         if !more.contains("reply_timeout_ms") {
             let _ = writeln!(keys, "reply_timeout_ms = {}", target().reply_timeout_ms);
         }
-        self.buses.push(Bus { place: wire.place.clone(), live: wire.live.clone(), keys });
+        self.buses.push(Bus { place: wire.place.clone(), can: false, live: wire.live.clone(), keys });
         self
     }
 
@@ -82,7 +84,15 @@ impl Document {
         let keys = format!(
             "name = \"{name}\"\nprotocol = \"framed\"\nbaud = {baud}\nformat = \"{format}\"\n{more}\n"
         );
-        self.buses.push(Bus { place, live, keys });
+        self.buses.push(Bus { place, can: false, live, keys });
+        self
+    }
+
+    /// With a CANopen bus behind an SLCAN adapter, and `more` keys of it. The first one of a board is CAN 1, the second CAN 2.
+    pub fn canopen<B>(mut self, name: &str, adapter: &Wire<Adapter<B>>, more: &str) -> Self {
+        let keys = format!("name = \"{name}\"\nprotocol = \"canopen\"\n{more}\n");
+        let (place, live) = (adapter.place.clone(), adapter.live.clone());
+        self.buses.push(Bus { place, can: true, live, keys });
         self
     }
 
@@ -100,9 +110,22 @@ impl Document {
         Gateway::start(&self)
     }
 
-    /// Where its lines end.
-    pub(super) fn places(&self) -> impl Iterator<Item = &Place> {
-        self.buses.iter().map(|bus| &bus.place)
+    /// Where its lines end, or else its CAN buses.
+    pub(super) fn places(&self, can: bool) -> impl Iterator<Item = &Place> {
+        self.buses.iter().filter(move |bus| bus.can == can).map(|bus| &bus.place)
+    }
+
+    /// What the host's gateway calls its ports.
+    pub(super) fn host_ports(&self) -> Vec<String> {
+        let prefix = |bus: &Bus| if bus.can { "slcan:" } else { "" };
+        self.buses.iter().map(|bus| format!("{}{}", prefix(bus), bus.place.port())).collect()
+    }
+
+    /// What a board calls them.
+    pub(super) fn board_ports(&self) -> Vec<String> {
+        let (mut lines, mut cans) = (board::LINES.iter(), board::CANS.iter());
+        let names = self.buses.iter().map(|bus| if bus.can { cans.next() } else { lines.next() });
+        names.map(|name| (*name.expect("a board has two of each")).to_owned()).collect()
     }
 
     /// Puts the devices on its lines, where a board has had those of its factory.

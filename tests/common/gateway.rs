@@ -106,7 +106,8 @@ fn launch(
     thread::spawn(move || {
         for line in BufReader::new(stdout).lines().map_while(Result::ok) {
             let addresses = line.strip_prefix("ready http://").and_then(|rest| {
-                let (main, modbus) = rest.split_once(" modbus-tcp://")?;
+                let (main, rest) = rest.split_once(" modbus-tcp://")?;
+                let modbus = rest.split(' ').next()?;
                 Some((main.parse().ok()?, modbus.parse().ok()?))
             });
             let addresses = addresses.unwrap_or_else(|| panic!("'{line}' is not the line `ready`"));
@@ -146,7 +147,7 @@ impl Gateway {
     }
 
     fn on_host_with(document: &Document, flash: Option<PathBuf>) -> Self {
-        let ports: Vec<String> = document.places().map(|place| place.port()).collect();
+        let ports = document.host_ports();
         let config = scratch("settings.toml");
         fs::write(&config, document.text(&ports)).expect("a settings file");
         Self::run(Some(config), flash, ports)
@@ -219,11 +220,16 @@ impl Gateway {
     }
 
     fn on_board_with(image: &Path, document: &Document) -> Self {
-        let mut places = document.places().map(|place| place.address().expect("a port"));
-        let mut setup = Setup::new(image, places.next().expect("a bus"));
-        setup.lines[1] = places.next();
-        assert!(places.next().is_none(), "a board has two lines");
+        let two = |can| {
+            let mut places = document.places(can).map(|place| place.address().expect("a port"));
+            let two = [places.next(), places.next()];
+            assert!(places.next().is_none(), "a board has two lines, and two CAN buses");
+            two
+        };
+        let nowhere = SocketAddr::from(([127, 0, 0, 1], 0));
+        let setup = Setup { lines: two(false), cans: two(true), ..Setup::new(image, nowhere) };
         let mut gateway = Self::on_board(&setup);
+        gateway.ports = document.board_ports();
         let settings = board::json(&document.text(&gateway.ports));
         board::put(gateway.main, &settings);
         document.go_live();

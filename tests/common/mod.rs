@@ -2,6 +2,7 @@
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
 mod board;
+pub mod can;
 pub mod client;
 mod document;
 pub mod ethernet;

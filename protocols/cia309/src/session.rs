@@ -3,7 +3,6 @@
 use puente_canopen::NodeId;
 
 use crate::command::{self, Request, Setting, To};
-use crate::indication::Kinds;
 use crate::tokens::Tokens;
 use crate::{Error, number};
 
@@ -30,24 +29,23 @@ pub struct Session {
     pub sdo_timeout: Option<u16>,
     /// Objects are read and written in blocks.
     pub sdo_block: bool,
-    /// What it is told unasked.
-    pub events: Kinds,
 }
 
 impl Session {
     /// A new client; with a network where there is but one.
     pub const fn new(net: Option<u16>) -> Self {
-        Self { net, node: None, sdo_timeout: None, sdo_block: false, events: Kinds::NONE }
+        Self { net, node: None, sdo_timeout: None, sdo_block: false }
     }
 
-    /// Sets something.
+    /// Sets something, other than what to tell of a network.
     pub fn set(&mut self, setting: Setting) {
         match setting {
             Setting::Network(net) => self.net = Some(net),
             Setting::Node(node) => self.node = Some(node),
             Setting::SdoTimeout(ms) => self.sdo_timeout = Some(ms),
             Setting::SdoBlock(on) => self.sdo_block = on,
-            Setting::Events(kinds, on) => self.events = self.events.with(kinds, on),
+            // Of a network, so that it is not the session's.
+            Setting::Events(..) => {}
         }
     }
 

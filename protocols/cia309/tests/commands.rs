@@ -179,9 +179,8 @@ fn a_client_sets_what_it_does_not_want_to_repeat() {
     session.set(Setting::Node(node(9)));
     let request = session.parse(b"[3] stop", |_| true).expect("read").expect("a command");
     assert_eq!((request.net, request.command), (Some(2), Command::Nmt(nmt::Command::Stop, Some(node(9)))));
-    session.set(Setting::Events(Kinds::ALL, true));
-    session.set(Setting::Events(Kinds::PDO, false));
-    assert!(session.events.has(Kinds::SYNC) && !session.events.has(Kinds::PDO));
+    let kinds = Kinds::NONE.with(Kinds::ALL, true).with(Kinds::PDO, false);
+    assert!(kinds.has(Kinds::SYNC) && !kinds.has(Kinds::PDO) && Kinds::ALL.with(Kinds::ALL, false).is_none());
 }
 
 #[test]

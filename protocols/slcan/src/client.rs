@@ -139,6 +139,8 @@ pub struct Client {
     due: Instant,
     /// An adapter that says nothing has sent all there is by then.
     sent_by: Instant,
+    /// A frame waits for that.
+    waits: bool,
     counters: Counters,
 }
 
@@ -158,6 +160,7 @@ impl Client {
             asked: Deque::new(),
             due: Instant::ZERO,
             sent_by: Instant::ZERO,
+            waits: false,
             counters: Counters { garbled: 0, refused: 0, opened: 0 },
         }
     }
@@ -202,6 +205,7 @@ impl Client {
             now >= self.room_at()
         };
         if !room || self.next.is_some() {
+            self.waits = true;
             return Err(Busy::Full);
         }
         self.next = Some(*frame);
@@ -353,6 +357,7 @@ impl Client {
 
     /// The next command to an open channel.
     fn say(&mut self, now: Instant) -> Action {
+        self.waits &= now < self.room_at();
         if self.flags_at.is_some_and(|at| now >= at) && !self.asked.is_full() {
             self.flags_at = Some(now + FLAGS);
             return self.ask(now, Asked::Flags);
@@ -395,13 +400,12 @@ impl Client {
                     self.asked.is_empty().then_some(self.again_at)
                 } else if self.next.is_some() {
                     Some(Instant::ZERO)
-                } else if !self.answers {
-                    Some(self.room_at())
                 } else {
-                    None
+                    (self.waits && !self.answers).then(|| self.room_at())
                 };
                 let due = (!self.asked.is_empty()).then_some(self.due);
-                [frame, due, self.flags_at].into_iter().flatten().min()
+                let flags = self.flags_at.filter(|_| !self.asked.is_full());
+                [frame, due, flags].into_iter().flatten().min()
             }
         }
     }

@@ -6,6 +6,7 @@ use core::task::Poll;
 
 use embassy_futures::poll_once;
 use puente_canopen::Frame;
+use puente_canopen::cob::Function;
 use puente_canopen::manager::{Action as Managed, Sdo};
 use puente_canopen::sdo::{Config, Transfer};
 use puente_line::{Duration, Instant};
@@ -43,11 +44,11 @@ pub async fn pump(port: &mut impl CanPort, setup: Setup, clients: &impl Exchange
         let now = clock::now();
         let expiry = clients.orders(now, |order| pump.take(now, order));
         let room = pump.setup.room;
-        drives.outputs(now, |place, wanted| room.work(|master| master.set(now, place, wanted)));
+        let ends = drives.outputs(now, |place, wanted| room.work(|master| master.set(now, place, wanted)));
         pump.act(now);
         clients.counted(reader.counters(), room.look(|manager| manager.counters()));
         drives.alive(clock::now() + SIGN + LATE);
-        let wake = pump.wake(now).min(expiry.unwrap_or(now + SIGN));
+        let wake = [expiry, ends].into_iter().flatten().fold(pump.wake(now), Instant::min);
         let Step { mut heard, sent } = wait(&mut reader, &mut writer, pump.next(), wake, drives).await;
         let now = clock::now();
         match sent {
@@ -82,7 +83,7 @@ struct Pump<'c, C, D> {
     drives: &'c D,
     /// The port can send.
     up: bool,
-    /// What stops a drive, or SYNC, goes before the frame that waits for the port.
+    /// What stops a drive, or SYNC. It is asked for while another frame waits for the port.
     urgent: Option<Frame>,
     frame: Option<(Frame, Whose)>,
 }
@@ -141,9 +142,15 @@ impl<C: Exchange, D: Drives> Pump<'_, C, D> {
         }
     }
 
-    /// What goes out next.
+    /// What goes out next: SYNC, then the frame that waits, and then what stops a drive. So no set-point that waited follows
+    /// a stop.
     fn next(&self) -> Option<&Frame> {
-        self.urgent.as_ref().or(self.frame.as_ref().map(|(frame, _)| frame))
+        let frame = self.frame.as_ref().map(|(frame, _)| frame);
+        if self.hastens() { self.urgent.as_ref() } else { frame.or(self.urgent.as_ref()) }
+    }
+
+    fn hastens(&self) -> bool {
+        self.urgent.as_ref().is_some_and(|frame| Function::of(frame.id()) == Some(Function::Sync))
     }
 
     /// When to go on, whatever happens.
@@ -243,10 +250,9 @@ impl<C: Exchange, D: Drives> Pump<'_, C, D> {
     }
 
     fn gone(&mut self) -> Option<(Frame, Whose)> {
-        match self.urgent.take() {
-            Some(frame) => Some((frame, Whose::Manager)),
-            None => self.frame.take(),
-        }
+        let hastened = if self.hastens() { self.urgent.take() } else { None };
+        let manager = |frame| (frame, Whose::Manager);
+        hastened.map(manager).or_else(|| self.frame.take()).or_else(|| self.urgent.take().map(manager))
     }
 }
 

@@ -56,15 +56,20 @@ impl<K: Kind> Image for BusImage<'_, K> {
     type Report = K::Report;
     type Fall = K::Fall;
 
-    fn outputs(&self, now: Instant, mut set: impl FnMut(usize, K::Output)) {
+    fn outputs(&self, now: Instant, mut set: impl FnMut(usize, K::Output)) -> Option<Instant> {
         self.desk.with(|state| {
+            let mut first: Option<Instant> = None;
             for (place, axis) in self.axes.iter().enumerate() {
-                if let Some(slot) = viewed(state, now, *axis) {
-                    set(place, K::output(&slot.view));
-                    slot.show();
+                let Some(slot) = viewed(state, now, *axis) else { continue };
+                set(place, K::output(&slot.view));
+                slot.show();
+                if let Wish::Move(_, permit) = slot.view.wish {
+                    let end = permit.end(&state.leases);
+                    first = first.into_iter().chain(end).min();
                 }
             }
-        });
+            first
+        })
     }
 
     fn reported(&self, now: Instant, place: usize, report: K::Report, current: bool) {

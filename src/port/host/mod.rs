@@ -25,7 +25,7 @@ pub use flash::Flash;
 pub use line::{BadPort, Line, LineSpec, check_line};
 pub use log::start_log;
 pub(super) use log::{log, logs};
-pub use net::{Doors, Place};
+pub use net::{Doors, Place, Ports};
 pub use restart::restart;
 pub use scheduling::exact_timers;
 pub use sim::Simulation;

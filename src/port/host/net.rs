@@ -1,12 +1,13 @@
 //! OS sockets.
 
+use std::future::pending;
 use std::io::{self, Read as _, Write as _};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
 use std::time::Duration;
 
 use async_io::Async;
-use embassy_futures::select::{Either, select};
+use embassy_futures::select::{Either4, select4};
 use embassy_time::{Timer, with_timeout};
 use embedded_io_async::{ErrorType, Read, Write};
 use rustix::net::sockopt;
@@ -18,22 +19,46 @@ const KEEPALIVE_IDLE: Duration = Duration::from_secs(10);
 const KEEPALIVE_INTERVAL: Duration = Duration::from_secs(5);
 const KEEPALIVE_PROBES: u32 = 3;
 
-/// The two listening sockets.
+/// A listening socket.
+type Listening = Arc<Async<TcpListener>>;
+
+/// The listening sockets.
 #[derive(Clone)]
 pub struct Doors {
-    main: Arc<Async<TcpListener>>,
-    modbus: Arc<Async<TcpListener>>,
+    main: Listening,
+    modbus: Listening,
+    slcan: Option<Listening>,
+    socketcand: Option<Listening>,
+}
+
+/// TCP ports to listen on.
+#[derive(Clone, Copy, Debug)]
+pub struct Ports {
+    /// Of every dialect; 0 lets the system choose.
+    pub main: u16,
+    /// Of Modbus/TCP alone; 0 lets the system choose.
+    pub modbus: u16,
+    /// Of SLCAN; 0: there is none.
+    pub slcan: u16,
+    /// Of socketcand; 0: there is none.
+    pub socketcand: u16,
 }
 
 impl Doors {
-    /// Opens both; port 0 lets the system choose.
-    pub fn open(bind: Ipv4Addr, port: u16, modbus_port: u16) -> io::Result<Self> {
+    /// Opens all of them.
+    pub fn open(bind: Ipv4Addr, ports: Ports) -> io::Result<Self> {
         let open = |port| {
-            Async::<TcpListener>::bind((bind, port)).map_err(|error| {
+            Async::<TcpListener>::bind((bind, port)).map(Arc::new).map_err(|error| {
                 io::Error::new(error.kind(), format!("cannot listen on {bind}:{port}: {error}"))
             })
         };
-        Ok(Self { main: Arc::new(open(port)?), modbus: Arc::new(open(modbus_port)?) })
+        let wanted = |port| Some(port).filter(|port| *port != 0).map(open).transpose();
+        Ok(Self {
+            main: open(ports.main)?,
+            modbus: open(ports.modbus)?,
+            slcan: wanted(ports.slcan)?,
+            socketcand: wanted(ports.socketcand)?,
+        })
     }
 
     /// The next client, if no other place takes it.
@@ -41,10 +66,20 @@ impl Doors {
     /// It is not taken before the system has told of it: thereby those who have gone are noticed as soon as those who come.
     /// Otherwise a fast succession of clients is taken for a crowd while the thread is late that hears from the system.
     async fn next(&self) -> io::Result<Option<HostSocket>> {
-        let (door, listener) = match select(self.main.readable(), self.modbus.readable()).await {
-            Either::First(told) => told.map(|()| (Door::Main, &self.main)),
-            Either::Second(told) => told.map(|()| (Door::Modbus, &self.modbus)),
-        }?;
+        let knocks = select4(
+            self.main.readable(),
+            self.modbus.readable(),
+            readable(self.slcan.as_ref()),
+            readable(self.socketcand.as_ref()),
+        );
+        let (told, door, listener) = match knocks.await {
+            Either4::First(told) => (told, Door::Main, Some(&self.main)),
+            Either4::Second(told) => (told, Door::Modbus, Some(&self.modbus)),
+            Either4::Third(told) => (told, Door::Slcan, self.slcan.as_ref()),
+            Either4::Fourth(told) => (told, Door::Socketcand, self.socketcand.as_ref()),
+        };
+        told?;
+        let Some(listener) = listener else { return Ok(None) };
         let (stream, from) = match listener.get_ref().accept() {
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(None),
             accepted => accepted?,
@@ -52,9 +87,23 @@ impl Doors {
         HostSocket::new(Async::new(stream)?, from, door).map(Some)
     }
 
-    /// Where they listen: main door, Modbus/TCP door.
-    pub fn addresses(&self) -> io::Result<(SocketAddr, SocketAddr)> {
-        Ok((self.main.get_ref().local_addr()?, self.modbus.get_ref().local_addr()?))
+    /// Where they listen: what each is called, and its address.
+    pub fn addresses(&self) -> impl Iterator<Item = (&'static str, io::Result<SocketAddr>)> {
+        let doors = [
+            ("http", Some(&self.main)),
+            ("modbus-tcp", Some(&self.modbus)),
+            ("slcan", self.slcan.as_ref()),
+            ("socketcand", self.socketcand.as_ref()),
+        ];
+        doors.into_iter().filter_map(|(name, door)| Some((name, door?.get_ref().local_addr())))
+    }
+}
+
+/// Resolves when somebody knocks; where there is no door, never.
+async fn readable(door: Option<&Listening>) -> io::Result<()> {
+    match door {
+        Some(door) => door.readable().await,
+        None => pending().await,
     }
 }
 

@@ -39,10 +39,15 @@ pub struct Config {
     pub babble: u16,
 }
 
-/// What [`Config::babble`] may be at a bit rate: a third of the frames of eight bytes that the bus carries.
+/// What [`Config::babble`] may be at a bit rate: a third of the frames of eight bytes that the bus carries, 5 at
+/// least.
 pub const fn babble_limit(bitrate: u32) -> u16 {
     let third = bitrate / 10 / 3 / Frame::worst_bits(false, 8);
-    if third < u16::MAX as u32 { third as u16 } else { u16::MAX }
+    match third {
+        0..5 => 5,
+        5..0xFFFF => third as u16,
+        _ => u16::MAX,
+    }
 }
 
 impl Config {

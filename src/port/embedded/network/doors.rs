@@ -54,7 +54,7 @@ fn change<R>(door: Door, f: impl FnOnce(&mut Side, &mut Side) -> R) -> R {
         let [mut main, mut modbus] = sides.get();
         let result = match door {
             Door::Main => f(&mut main, &mut modbus),
-            Door::Modbus => f(&mut modbus, &mut main),
+            _ => f(&mut modbus, &mut main),
         };
         sides.set([main, modbus]);
         result

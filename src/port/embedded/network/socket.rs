@@ -59,7 +59,7 @@ impl Place {
             let door = self.post.take();
             let port = match door {
                 Door::Main => self.ports.main,
-                Door::Modbus => self.ports.modbus,
+                _ => self.ports.modbus,
             };
             match select(self.socket.accept(port), self.post.changed()).await {
                 Either::First(accepted) => return accepted.ok().map(|()| door),

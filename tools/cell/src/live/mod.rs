@@ -1,5 +1,6 @@
 //! A cell in real time: its line on pseudo terminals, TCP ports and serial devices.
 
+pub mod can;
 mod port;
 mod ports;
 mod terminal;

@@ -1,14 +1,13 @@
 //! A framed line, and what shall go wrong on it.
 
 use std::io;
-use std::sync::mpsc::{Receiver, channel};
-use std::thread;
 use std::time::Duration;
 
 use puente_cell::framed::{Cell, Disturbance};
 use puente_cell::live::{self, Port, Ports};
 use puente_line::Instant;
 
+use crate::input;
 use crate::options::FramedOptions;
 
 /// How late what is heard may be.
@@ -31,7 +30,7 @@ pub fn run(options: FramedOptions) -> Result<(), String> {
 
 fn serve(cell: &mut Cell, mut ports: Ports) -> io::Result<()> {
     live::exact_timers();
-    let input = input();
+    let input = input::lines();
     loop {
         ports.carry(cell)?;
         // The modules never rest for long, so that a line that is typed need not wake it.
@@ -43,16 +42,6 @@ fn serve(cell: &mut Cell, mut ports: Ports) -> io::Result<()> {
         }
         ports.wait(cell.poll_at())?;
     }
-}
-
-/// The lines of the standard input.
-fn input() -> Receiver<String> {
-    let (sender, receiver) = channel();
-    thread::spawn(move || {
-        let lines = io::stdin().lines().map_while(Result::ok);
-        lines.filter(|line| !line.trim().is_empty()).try_for_each(|line| sender.send(line))
-    });
-    receiver
 }
 
 fn answer(cell: &mut Cell, now: Instant, line: &str) -> Result<String, String> {

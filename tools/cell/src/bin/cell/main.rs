@@ -1,6 +1,8 @@
-//! A simulated line on pseudo terminals, TCP ports or a serial device.
+//! A simulated line or CAN bus on pseudo terminals, TCP ports or a serial device.
 
+mod canopen;
 mod framed;
+mod input;
 mod modbus;
 mod options;
 
@@ -16,6 +18,7 @@ fn main() -> ExitCode {
         }
         Ok(Options::Modbus(options)) => modbus::run(options),
         Ok(Options::Framed(options)) => framed::run(options),
+        Ok(Options::Canopen(options)) => canopen::run(options),
         Err(error) => {
             eprintln!("cell: {error}; see cell --help");
             return ExitCode::from(2);

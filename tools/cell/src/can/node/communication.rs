@@ -30,6 +30,10 @@ pub fn define(objects: &mut Objects, model: Model, id: NodeId, identity: Identit
         None => 0,
     };
     objects.number(0x1000, 0, U32, Read, device_type);
+    if model == Model::Node {
+        // Something of any length to read and write.
+        objects.bytes(0x2000, 0, Write, b"");
+    }
     objects.number(0x1001, 0, U8, Read, 0);
     objects.number(0x1003, 0, U8, Write, 0);
     for entry in 1..=model.errors() {

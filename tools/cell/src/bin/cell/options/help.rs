@@ -1,5 +1,6 @@
 //! The text of `--help`.
 
+use puente_cell::can;
 use puente_cell::framed::WORDS;
 
 const OPTIONS: &str = "\
@@ -7,6 +8,8 @@ A simulated line with drives, in real time.
 
 cell [OPTIONS] (--pty LINK | --listen HOST:PORT | --device TTY)     EDB servo drives as Modbus slaves
 cell --framed [OPTIONS] (--pty LINK | --tcp HOST:PORT)...           PID modules on the framed bus
+cell canopen [OPTIONS] (--slcan HOST:PORT | --pty LINK | --socketcand HOST:PORT)...
+                                                                    CANopen nodes on a CAN bus
 
   --pty LINK            a pseudo terminal, with a symbolic link to it
   --listen HOST:PORT    raw bytes over TCP, one client at a time; --tcp is the same
@@ -44,8 +47,23 @@ Of a framed line:
 
 Prints a line that begins with 'ready' for each --pty, --listen, --tcp and --device once it can be used.
 
+Of a CAN bus:
+  --slcan HOST:PORT     SLCAN adapters over TCP, one a client; --pty is one on a pseudo terminal
+  --socketcand HOST:PORT
+  --bitrate N           default 1000000
+  --drive NODE=MODEL    a node: lexium23a, festo-cmms, generic, or node, which is no drive and has an object 2000h:0
+                        of any length; NODE is 1 to 127, or lss for one without a node-ID; may be repeated; --node is
+                        the same
+  --drop SHARE          so many frames are heard by nobody, as in 1%
+  --errors SHARE        so many frames are destroyed, and sent again
+  --fault NODE:FAULT[@TIME]
+                        words as below, at a time as in 5s or 250ms, otherwise at once; may be repeated
+  --log FILE            a line a frame, as candump -L has it; - for the standard output
+  --pcap FILE           for Wireshark
+
 A framed line reads from the standard input what shall go wrong, and answers 'ok' or why not:
   status                            what each module is at
+A CAN bus does the same, with faults as of --fault, and status.
 ";
 
 const EXAMPLES: &str = "
@@ -56,12 +74,18 @@ Examples:
       three modules, 17 to 19; for a bus with protocol = \"framed\" and port = \"tcp:127.0.0.1:7002\"
   cell --framed --pty /tmp/line-a --pty /tmp/line-b --rivals 2 --noise 1e-5
       two gateways on one line, with rivals and noise
+  cell canopen --slcan 127.0.0.1:29000 --drive 2=lexium23a --drive 3=festo-cmms --fault 3:mute@10s
+      two drives, one of which nobody hears after a while; for a bus with port = \"slcan:tcp:127.0.0.1:29000\"
 ";
 
 /// The whole text.
 pub fn text() -> String {
     let mut text = OPTIONS.to_owned();
     for line in WORDS.lines() {
+        text += &format!("  {line}\n");
+    }
+    text += "\nFaults of a CANopen node:\n";
+    for line in can::WORDS.lines() {
         text += &format!("  {line}\n");
     }
     text + EXAMPLES

@@ -1,7 +1,10 @@
 //! The command line.
 
+mod canopen;
 pub mod help;
 mod values;
+
+pub use canopen::{CanopenOptions, fault};
 
 use std::time::Duration;
 
@@ -23,6 +26,8 @@ pub enum Options {
     Modbus(ModbusOptions),
     /// A framed line.
     Framed(FramedOptions),
+    /// A CAN bus.
+    Canopen(CanopenOptions),
 }
 
 /// A Modbus line.
@@ -79,7 +84,12 @@ struct Given {
 
 impl Options {
     /// Reads the command line.
-    pub fn parse(arguments: Parser) -> Result<Self, lexopt::Error> {
+    pub fn parse(mut arguments: Parser) -> Result<Self, lexopt::Error> {
+        // `canopen` is a word of its own, before all options.
+        let word = arguments.try_raw_args().and_then(|mut raw| raw.next_if(|word| word == "canopen"));
+        if word.is_some() {
+            return Ok(CanopenOptions::parse(arguments)?.map_or(Self::Help, Self::Canopen));
+        }
         let Some(given) = Given::parse(arguments)? else {
             return Ok(Self::Help);
         };

@@ -148,6 +148,9 @@ fn help_has_every_option_and_every_word() {
     {
         assert!(text.contains(&format!("--{name}")), "{name}");
     }
+    for name in canopen::OPTIONS {
+        assert!(text.contains(&format!("--{name} ")), "{name}");
+    }
     for word in ["encoder", "amplifier", "babble", "status", "cell --framed --tcp 127.0.0.1:7002"] {
         assert!(text.contains(word), "{word}");
     }
