@@ -69,7 +69,7 @@ pub(super) fn begin(
         Ok(command) if gone && command.moves() => {
             Err(error(reply, "gone", "the client has closed its side, so nothing would stop the axis"))
         }
-        Ok(command) => resolve(gateway, guest, command, reply),
+        Ok(command) => resolve(gateway, guest, gone, command, reply),
     };
     task.inspect_err(|Told| end(reply)).ok()
 }
@@ -77,7 +77,13 @@ pub(super) fn begin(
 /// The reply has been written.
 struct Told;
 
-fn resolve(gateway: &Gateway, guest: Guest, command: Command<'_>, reply: &mut Reply) -> Result<Task, Told> {
+fn resolve(
+    gateway: &Gateway,
+    guest: Guest,
+    gone: bool,
+    command: Command<'_>,
+    reply: &mut Reply,
+) -> Result<Task, Told> {
     match command {
         Command::Help => say(reply, format_args!("{HELP}")),
         Command::Feed => say(reply, format_args!("ok")),
@@ -86,7 +92,7 @@ fn resolve(gateway: &Gateway, guest: Guest, command: Command<'_>, reply: &mut Re
         Command::Buses => list(reply, "buses", gateway.settings.buses.iter().map(|bus| &bus.name)),
         Command::Nodes(bus) => node::list(gateway, bus, reply)?,
         Command::Node(bus, id, command) => {
-            return node::begin(gateway, guest, bus, id, command, reply).map(Task::Node);
+            return node::begin(gateway, guest, gone, bus, id, command, reply).map(Task::Node);
         }
         Command::Axis(name, command) => match gateway.axes.find(name) {
             Ok(id) => return Ok(Task::Axis(id, command)),
@@ -140,7 +146,7 @@ pub(super) async fn finish(gateway: &Gateway, guest: Guest, task: &mut Task) -> 
     match task {
         Task::Axis(id, command) => Outcome::Axis(*id, axis(gateway, guest.commander(), *id, *command).await),
         Task::Scan(bus, units) => Outcome::Scan(*bus, *units, scan(gateway, guest, *bus, *units).await),
-        Task::Node(task) => Outcome::Node(node::finish(task).await),
+        Task::Node(task) => Outcome::Node(node::finish(gateway, task).await),
     }
 }
 

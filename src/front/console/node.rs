@@ -5,7 +5,7 @@ use puente_line::millis;
 
 use super::super::dictionary::{Named, Whose};
 use super::super::lines::Reply;
-use super::super::objects::{self, Hex, Shown, decode, failure_code, word};
+use super::super::objects::{self, Failed, Hex, Shown, Writing, decode, word};
 use super::super::{Gateway, Guest};
 use super::command::NodeCommand;
 use super::{Told, error, say, separated};
@@ -20,8 +20,12 @@ pub(in crate::front) struct Task {
     whose: Whose,
     address: Address,
     kind: Named,
-    reads: bool,
-    pending: SdoPending<'static>,
+    transfer: Transfer,
+}
+
+enum Transfer {
+    Read(SdoPending<'static>),
+    Write(Writing),
 }
 
 /// What has come of it: the bytes that were read, none where they are too many.
@@ -51,6 +55,7 @@ pub(super) fn list(gateway: &Gateway, name: &str, reply: &mut Reply) -> Result<(
 pub(super) fn begin(
     gateway: &Gateway,
     guest: Guest,
+    gone: bool,
     name: &str,
     node: NodeId,
     command: NodeCommand<'_>,
@@ -68,7 +73,7 @@ pub(super) fn begin(
             return Err(Told);
         }
         NodeCommand::Nmt(command) => {
-            return Err(match gateway.desk.nmt(clock::now(), bus, command, Some(node), &[]) {
+            return Err(match objects::command_nodes(gateway, guest.commander(), bus, Some(node), command) {
                 Ok(()) => {
                     say(
                         reply,
@@ -76,7 +81,7 @@ pub(super) fn begin(
                     );
                     Told
                 }
-                Err(reason) => failed(whose, &CanFailure::NotSent(reason), reply),
+                Err(failure) => failed(whose, &failure, reply),
             });
         }
         NodeCommand::Read(address, kind) => (address, kind, None),
@@ -85,9 +90,9 @@ pub(super) fn begin(
     let kind = kind.unwrap_or_else(|| gateway.dictionaries.kind(whose, address));
     let by = guest.commander();
     let begun = match value {
-        None => objects::read(gateway, by, whose, address),
+        None => objects::read(gateway, by, whose, address).map(Transfer::Read).map_err(Failed::Can),
         Some(value) => match decode::<OBJECT>(value.as_bytes(), kind.1) {
-            Some(data) => objects::write(gateway, by, whose, address, &data),
+            Some(data) => objects::write(gateway, by, gone, whose, address, &data).map(Transfer::Write),
             None => {
                 let text = format_args!("'{value}' is no value of type {}", kind.0);
                 return Err(error(reply, "value", text));
@@ -95,13 +100,13 @@ pub(super) fn begin(
         },
     };
     match begun {
-        Ok(pending) => Ok(Task { whose, address, kind, reads: value.is_none(), pending }),
+        Ok(transfer) => Ok(Task { whose, address, kind, transfer }),
         Err(failure) => Err(failed(whose, &failure, reply)),
     }
 }
 
-fn failed(whose: Whose, failure: &CanFailure, reply: &mut Reply) -> Told {
-    error(reply, failure_code(failure), format_args!("node {}: {failure}", whose.node.value()))
+fn failed(whose: Whose, failure: &Failed, reply: &mut Reply) -> Told {
+    error(reply, failure.code(), format_args!("node {}: {failure}", whose.node.value()))
 }
 
 fn status(gateway: &Gateway, whose: Whose, reply: &mut Reply) {
@@ -150,14 +155,14 @@ fn emergencies(gateway: &Gateway, whose: Whose, reply: &mut Reply) {
 }
 
 /// Waits for the node.
-pub(super) async fn finish(task: &mut Task) -> Outcome {
-    let Task { whose, address, kind, reads, pending } = task;
+pub(super) async fn finish(gateway: &Gateway, task: &mut Task) -> Outcome {
+    let Task { whose, address, kind, transfer } = task;
     let mut bytes = [0; OBJECT];
-    let result = match *reads {
-        true => objects::collect(pending, &mut bytes).await,
-        false => pending.written().await.map(|()| Some(0)),
+    let (reads, result) = match transfer {
+        Transfer::Read(pending) => (true, objects::collect(pending, &mut bytes).await),
+        Transfer::Write(writing) => (false, writing.end(gateway).await.map(|()| Some(0))),
     };
-    Outcome { whose: *whose, address: *address, kind: *kind, reads: *reads, result, bytes }
+    Outcome { whose: *whose, address: *address, kind: *kind, reads, result, bytes }
 }
 
 /// Writes the reply.
@@ -171,7 +176,7 @@ pub(super) fn tell(gateway: &Gateway, outcome: &Outcome, reply: &mut Reply) {
             return;
         }
         Err(failure) => {
-            failed(*whose, failure, reply);
+            failed(*whose, &Failed::Can(*failure), reply);
             return;
         }
     };

@@ -7,9 +7,9 @@ use serde::{Serialize, Serializer};
 
 use super::nodes::OBJECT;
 use super::status::{self, Status};
-use crate::axis::AxisError;
+use crate::axis::{AxisError, CanRefusal};
 use crate::desk::CanFailure;
-use crate::front::objects::{Hex, failure_code};
+use crate::front::objects::{Failed, Hex, failure_code};
 use crate::settings::keeper::TRIAL;
 use crate::settings::{self, json};
 
@@ -81,6 +81,8 @@ pub(super) enum Problem {
     ObjectTooLong,
     /// The body is no data sheet.
     Eds(puente_eds::Error),
+    /// It is not a client's to send.
+    Reserved(CanRefusal),
     /// The node refused, or gave no answer, or was not asked.
     Can(CanFailure),
 }
@@ -106,6 +108,7 @@ impl Problem {
             Problem::Axis(error) => axis_status(error),
             Problem::UnknownBus | Problem::UnknownNode => status::NOT_FOUND,
             Problem::Object | Problem::Type | Problem::Value(_) | Problem::Eds(_) => status::BAD_REQUEST,
+            Problem::Reserved(_) => status::CONFLICT,
             Problem::ObjectTooLong => status::BAD_GATEWAY,
             Problem::Can(CanFailure::TooLong) => status::CONTENT_TOO_LARGE,
             Problem::Can(CanFailure::NotSent(_)) => status::SERVICE_UNAVAILABLE,
@@ -145,6 +148,7 @@ impl Problem {
             Problem::Value(_) => "value",
             Problem::ObjectTooLong => "too-long",
             Problem::Eds(_) => "eds",
+            Problem::Reserved(_) => "reserved",
             Problem::Can(failure) => failure_code(failure),
         }
     }
@@ -218,6 +222,7 @@ impl fmt::Display for Problem {
                 write!(f, "the object has more than {OBJECT} bytes; read it in CiA 309-3")
             }
             Problem::Eds(error) => error.fmt(f),
+            Problem::Reserved(refusal) => refusal.fmt(f),
             Problem::Can(failure) => failure.fmt(f),
         }
     }
@@ -228,6 +233,16 @@ pub(super) struct BadSettings<'a>(pub &'a settings::Problem);
 
 impl BadSettings<'_> {
     const CODE: &'static str = "settings";
+}
+
+impl From<Failed> for Problem {
+    fn from(failed: Failed) -> Self {
+        match failed {
+            Failed::Axis(error) => Problem::Axis(error),
+            Failed::Reserved(refusal) => Problem::Reserved(refusal),
+            Failed::Can(failure) => Problem::Can(failure),
+        }
+    }
 }
 
 impl From<CanFailure> for Problem {

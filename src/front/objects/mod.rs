@@ -6,13 +6,13 @@ use core::fmt;
 
 use puente_canopen::manager::Health;
 use puente_canopen::sdo::Failure;
-use puente_canopen::{Address, nmt};
+use puente_canopen::{Address, NodeId, nmt};
 
 use super::Gateway;
 use super::dictionary::Whose;
-use crate::axis::Commander;
+use crate::axis::{AxisError, CanRefusal, Commander, Ruling};
 use crate::clock;
-use crate::desk::{CanFailure, Class, SdoOrder, SdoPending, SdoTransfer};
+use crate::desk::{CanFailure, Class, Reason, SdoOrder, SdoPending, SdoTransfer};
 pub(super) use value::{Shown, decode};
 
 const COMMANDS: [(&str, nmt::Command); 5] = [
@@ -65,17 +65,98 @@ pub(super) fn address(text: &str) -> Option<Address> {
     Some(Address::new(u16::from_str_radix(index, 16).ok()?, sub.ok()?))
 }
 
-/// Begins to write an object.
+/// Why something was not done, or did not end well.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Failed {
+    /// Another client commands an axis that it acts on, or that axis has to stand still.
+    Axis(AxisError),
+    /// It is not a client's to send.
+    Reserved(CanRefusal),
+    /// What came of it.
+    Can(CanFailure),
+}
+
+impl From<CanFailure> for Failed {
+    fn from(failure: CanFailure) -> Self {
+        Failed::Can(failure)
+    }
+}
+
+impl Failed {
+    /// The word that programs go by.
+    pub(super) const fn code(&self) -> &'static str {
+        match self {
+            Failed::Axis(error) => error.code(),
+            Failed::Reserved(_) => "reserved",
+            Failed::Can(failure) => failure_code(failure),
+        }
+    }
+}
+
+impl fmt::Display for Failed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Failed::Axis(error) => error.fmt(f),
+            Failed::Reserved(refusal) => refusal.fmt(f),
+            Failed::Can(failure) => failure.fmt(f),
+        }
+    }
+}
+
+/// An object that is being written.
+pub(super) struct Writing {
+    pending: SdoPending<'static>,
+    ruling: Ruling,
+}
+
+impl Writing {
+    /// Waits until all is written.
+    pub(super) async fn end(&mut self, gateway: &Gateway) -> Result<(), CanFailure> {
+        let result = self.pending.written().await;
+        let sent = !matches!(result, Err(CanFailure::NotSent(_) | CanFailure::TooLong));
+        gateway.axes.raw_ended(&self.ruling, sent);
+        result
+    }
+}
+
+/// Begins to write an object, where its axis does not forbid it. A client that is `gone` starts no motion.
 pub(super) fn write(
     gateway: &Gateway,
     by: Commander,
+    gone: bool,
     Whose { bus, node }: Whose,
     address: Address,
     data: &[u8],
-) -> Result<SdoPending<'static>, CanFailure> {
+) -> Result<Writing, Failed> {
+    let ruling = gateway.axes.judge_sdo(by, bus, node, address, data);
+    let ruling = ruling.map_err(|leased| Failed::Axis(AxisError::Leased(leased)))?;
     let transfer = SdoTransfer::Write { address, data, block: false };
-    let order = SdoOrder { seat: by.seat, bus, node, class: Class::Free, transfer, timeout: None };
-    gateway.desk.sdo(clock::now(), order)
+    let order = SdoOrder { seat: by.seat, bus, node, class: ruling.class, transfer, timeout: None };
+    let pending = match gone && ruling.motion.is_some() {
+        true => Err(CanFailure::NotSent(Reason::Stopped)),
+        false => gateway.desk.sdo(clock::now(), order),
+    };
+    if pending.is_err() {
+        gateway.axes.raw_ended(&ruling, false);
+    }
+    Ok(Writing { pending: pending?, ruling })
+}
+
+/// Sends an NMT command, where no axis forbids it.
+pub(super) fn command_nodes(
+    gateway: &Gateway,
+    by: Commander,
+    bus: u8,
+    node: Option<NodeId>,
+    command: nmt::Command,
+) -> Result<(), Failed> {
+    let ruling = gateway.axes.judge_can(by, bus, &command.frame(node)).map_err(|refusal| match refusal {
+        CanRefusal::Leased(leased) => Failed::Axis(AxisError::Leased(leased)),
+        reserved => Failed::Reserved(reserved),
+    })?;
+    let sent = gateway.desk.nmt(clock::now(), bus, command, node, &ruling.permits);
+    gateway.axes.frame_ended(&ruling.permits, sent.is_ok());
+    Ok(sent.map_err(CanFailure::NotSent)?)
 }
 
 /// Begins to read an object.

@@ -18,8 +18,7 @@ use super::problem::Problem;
 use super::reply::Reply;
 use crate::axis::Commander;
 use crate::clock;
-use crate::desk::{CanFailure, SdoPending};
-use crate::front::objects::{address, collect, read, write};
+use crate::front::objects::{Writing, address, collect, command_nodes, read, write};
 pub(super) use path::Path;
 
 /// Longest data sheet, in bytes.
@@ -42,7 +41,7 @@ pub(super) enum Task {
     Objects(Whose),
     Read(Whose, Address, Named),
     /// What is written is on its way already.
-    Write(Whose, Address, Named, SdoPending<'static>),
+    Write(Whose, Address, Named, Writing),
 }
 
 /// Understands a request for the nodes of a bus. A write begins at once: no place is kept for what is written.
@@ -79,7 +78,7 @@ pub(super) fn understand(
             match method {
                 Method::Put => {
                     let data = value::bytes(body, kind)?;
-                    Task::Write(whose, address, kind, write(gateway, by, whose, address, &data)?)
+                    Task::Write(whose, address, kind, write(gateway, by, false, whose, address, &data)?)
                 }
                 _ => Task::Read(whose, address, kind),
             }
@@ -134,8 +133,7 @@ impl Call<'_> {
                 reply.value(&view::Node::new(&self.findings(whose, status))).await?;
             }
             Task::Command(bus, node, command) => {
-                let sent = self.gateway.desk.nmt(clock::now(), bus, command, node, &[]);
-                sent.map_err(CanFailure::NotSent)?;
+                command_nodes(self.gateway, self.by, bus, node, command)?;
                 reply.value(&view::Commanded::new(node, command)).await?;
             }
             Task::Emergencies(whose) => self.emergencies(whose, reply).await?,
@@ -155,8 +153,8 @@ impl Call<'_> {
                 let bytes = bytes.get(..length).unwrap_or_default();
                 self.object(whose, address, kind, Some(bytes), reply).await?;
             }
-            Task::Write(whose, address, kind, mut pending) => {
-                pending.written().await?;
+            Task::Write(whose, address, kind, mut writing) => {
+                writing.end(self.gateway).await?;
                 self.object(whose, address, kind, None, reply).await?;
             }
         }
