@@ -495,6 +495,24 @@ fn a_state_to_and_fro_is_of_two_nodes() {
 }
 
 #[test]
+fn a_heartbeat_twice_as_often_is_of_two_nodes() {
+    let mut bus = both([member(2), member(3)]);
+    for _ in 0..12 {
+        bus.run(100);
+        bus.say(sign(2, State::Operational, false));
+    }
+    bus.run(5);
+    assert_eq!(bus.events(2), [Event::DuplicateId(Evidence::Heartbeat)]);
+    goes_on(&mut bus);
+    // Now and then one more, as when a state is told at once, is none.
+    for _ in 0..20 {
+        bus.run(250);
+        bus.say(sign(3, State::Operational, false));
+    }
+    assert!(!bus.manager.status(node(3)).duplicate);
+}
+
+#[test]
 fn two_answers_to_guarding_are_of_two_nodes() {
     let mut bus = both([guarded(2), member(3)]);
     bus.run(1);

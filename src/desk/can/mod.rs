@@ -9,6 +9,8 @@ mod heard;
 mod out;
 mod sdo;
 mod statistics;
+#[cfg(test)]
+mod tests;
 
 use heapless::{Deque, Vec};
 use puente_canopen::emcy::Emergency;

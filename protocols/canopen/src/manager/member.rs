@@ -4,8 +4,8 @@ use core::time::Duration;
 
 use puente_line::Instant;
 
-use super::types::{Health, Member};
-use crate::boot::Verdict;
+use super::types::{Evidence, Health, Member};
+use crate::boot::{Signs, Verdict};
 use crate::monitor::{self, Supervision};
 use crate::nmt::{Command, State};
 use crate::sdo::Failure;
@@ -39,11 +39,16 @@ pub(super) struct Managed<'a> {
     vain: u8,
     /// When it was booted last.
     booted: Instant,
+    /// Since when its heartbeats are counted, and how many came.
+    beats: (Instant, u8),
 }
 
 /// A member that was configured in vain is tried again later and later, up to so many doublings: there are drives that keep
 /// each value written to them in a memory that wears.
 const DOUBLINGS: u8 = 6;
+/// Within so many periods so many heartbeats are of two nodes.
+const PERIODS: u32 = 8;
+const BEATS: u8 = 14;
 
 impl<'a> Managed<'a> {
     pub fn new(member: Member<'a>, now: Instant) -> Self {
@@ -59,6 +64,7 @@ impl<'a> Managed<'a> {
             told_missing: false,
             vain: 0,
             booted: now,
+            beats: (now, 0),
         }
     }
 
@@ -185,8 +191,30 @@ impl<'a> Managed<'a> {
         self.attempt(next, false);
     }
 
-    pub fn receive(&mut self, now: Instant, frame: &Frame, retry: Duration) {
+    /// Takes a sign of it: whether it can be of one node alone.
+    pub fn receive(&mut self, now: Instant, frame: &Frame, retry: Duration) -> Option<Evidence> {
         self.monitor.receive(now, frame);
+        self.check(now, retry);
+        self.beat(now)
+    }
+
+    /// It has shown itself: whether it does so too often.
+    fn beat(&mut self, now: Instant) -> Option<Evidence> {
+        let Signs::Heartbeat(period @ 1..) = self.member.plan.signs else {
+            return None;
+        };
+        let window = Duration::from_millis(u64::from(period)) * PERIODS;
+        let (since, count) = self.beats;
+        // Before it is booted it may have another period.
+        if self.phase != Phase::Booted || now >= since + window {
+            self.beats = (now, 1);
+            return None;
+        }
+        self.beats = (since, count.saturating_add(1));
+        (count.saturating_add(1) >= BEATS).then_some(Evidence::Heartbeat)
+    }
+
+    fn check(&mut self, now: Instant, retry: Duration) {
         // Whoever was led to a state and says another one for a while is led there anew.
         match (self.phase, self.monitor.state(), self.expected) {
             (Phase::Booted, Some(is), Some(expected)) if is != expected => {

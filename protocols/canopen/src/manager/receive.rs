@@ -60,7 +60,7 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
         let retry = self.config.retry;
         match self.member_mut(sign.node) {
             Some(managed) => {
-                managed.receive(now, frame, retry);
+                evidence = evidence.or(managed.receive(now, frame, retry));
                 if managed.monitor.is_guarding() {
                     evidence = evidence.or(self.table.answer(sign.node));
                 }

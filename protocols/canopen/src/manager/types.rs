@@ -156,7 +156,7 @@ impl fmt::Display for Event {
 
 /// What shows that two nodes have the same node-ID.
 ///
-/// Nodes of one node-ID that say the same at the same time cannot be told from one; nor can a second one that is switched on
+/// Nodes of one node-ID that say all the same at the same time cannot be told from one; nor can a second one that is switched on
 /// from one that boots again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Evidence {
@@ -167,6 +167,8 @@ pub enum Evidence {
     Response,
     /// Its state goes to and fro without a command: three times, each within five seconds of the one before.
     State,
+    /// Its heartbeat comes almost twice as often as it was told: 14 times within eight periods.
+    Heartbeat,
     /// It answers guarding twice. Not looked for where somebody else guards it, too.
     Guarding,
 }
@@ -177,6 +179,7 @@ impl fmt::Display for Evidence {
             Self::Own => "it is the manager's own",
             Self::Response => "an SDO response nobody asked for",
             Self::State => "its state goes to and fro without a command",
+            Self::Heartbeat => "a heartbeat twice as often as it was told",
             Self::Guarding => "two answers to guarding",
         })
     }
