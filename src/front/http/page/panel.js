@@ -1,6 +1,6 @@
 "use strict";
 
-const HOLD_MS = { jog: 500, move: 1000 }; // how long the gateway keeps one going without word from this page
+const HOLD_MS = { jog: 500, move: 1000, home: 1000 }; // how long the gateway keeps one going without word from this page
 const POLL_MS = 250;      // pause between two readings
 const LIVE_MS = 125;      // the same while a move runs
 const STALE_MS = 2000;    // values older than this are shown as old
@@ -107,7 +107,7 @@ async function drive(axis) {
     try {
       await send(axis, order.verb, { ...order.body(), hold_ms: hold, ...order.renewal });
       // What the gateway has ended does not begin again by itself.
-      if (order.verb === "move") order.renewal = { renew: true };
+      if (order.verb !== "jog") order.renewal = { renew: true };
     } catch (error) {
       if (axis.grip === grip) letGo(axis);
       tell(axis, error.message);
@@ -119,7 +119,7 @@ async function drive(axis) {
   axis.driving = false;
 }
 
-// Axes of drive "edb": a servo drive that jogs. pid.js has the other kind.
+// Axes of drive "edb": a servo drive that jogs. pid.js and cia402.js have the other kinds.
 const edb = {
   build(axis) {
     const { part } = axis;
@@ -177,7 +177,7 @@ const edb = {
   draw() {},
 };
 
-const kinds = { edb, pid };
+const kinds = { edb, pid, cia402 };
 
 function build({ name, drive }) {
   const card = $("axis").content.firstElementChild.cloneNode(true);
@@ -323,7 +323,7 @@ async function read() {
   }
 }
 
-const moves = () => [...axes.values()].some((axis) => axis.last?.state === "following");
+const moves = () => [...axes.values()].some((axis) => axis.last?.state === "following" || axis.last?.progress === "running");
 
 async function watch() {
   const others = [
