@@ -256,9 +256,14 @@ const framed = {
   "Collisions": (s) => s.line.collisions, "Given up": (s) => s.line.losses,
 };
 
+const canopen = {
+  "State": (s) => s.state, "Load, %": (s) => String(s.load_percent), "Received": (s) => s.received, "Sent": (s) => s.sent,
+  "Booted": (s) => s.booted, "Emergencies": (s) => s.emergencies, "SDO": (s) => s.sdo.transfers, "Aborted": (s) => s.sdo.aborted,
+};
+
 // A table for each kind of bus.
 function showBuses(buses) {
-  $("buses").replaceChildren(...[modbus, framed].map((columns) => {
+  $("buses").replaceChildren(...[modbus, framed, canopen].map((columns) => {
     const table = document.createElement("table");
     const add = (row, tag, text, number) => {
       const cell = row.appendChild(document.createElement(tag));
@@ -268,9 +273,9 @@ function showBuses(buses) {
     };
     const head = table.createTHead().insertRow();
     ["Bus", "Protocol", "Line", ...Object.keys(columns)].forEach((title, index) => { add(head, "th", title, index > 2).scope = "col"; });
-    for (const bus of buses.filter(({ protocol }) => (protocol === "framed") === (columns === framed))) {
+    for (const bus of buses.filter(({ protocol }) => ({ framed, canopen }[protocol] ?? modbus) === columns)) {
       const row = table.insertRow();
-      [bus.name, bus.protocol, `${bus.port} ${bus.baud} ${bus.format}`].forEach((text) => add(row, "td", text));
+      [bus.name, bus.protocol, `${bus.port} ${bus.bitrate ?? `${bus.baud} ${bus.format}`}`].forEach((text) => add(row, "td", text));
       for (const [title, value] of Object.entries(columns)) {
         const count = value(bus.statistics);
         const cell = add(row, "td", typeof count === "number" ? figure(count) : count, true);
