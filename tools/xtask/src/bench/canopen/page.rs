@@ -18,7 +18,8 @@ pub fn page(rows: &[Row]) -> String {
          The *load* is what the bus has counted; *computed* is the sum of the frames that its stations say they have sent.\n\n\
          | bus | cycles | missed | load | computed | busy after SYNC, at most | SYNC waited, at most | from SYNC to SYNC |\n\
          |---|--:|--:|--:|--:|--:|--:|--:|\n{}\n\
-         The drives of six axes are three on each of two buses, which have nothing in common but the time.\n\n\
+         Six axes are the first bus and the last together, each with a master of its own, which have nothing in common but the\n\
+         time.\n\n\
          ## Where the bits are\n\n\
          | bus | SYNC | set-points | answers | others | transfers of the client |\n\
          |---|--:|--:|--:|--:|--:|\n{}\n\
