@@ -3,6 +3,7 @@
 //! [`Axes`] finds an axis by its name, keeps what is known of it, and holds each command to the rules that every drive
 //! shares: the lease, no motion without `enable`, no jump on enabling, stop for everyone.
 
+mod canopen;
 pub mod cia402;
 pub mod edb;
 mod error;
@@ -18,6 +19,7 @@ use puente_drives::edb::Parameter;
 use puente_drives::pid::Gains;
 use puente_line::Duration;
 
+pub use canopen::{CanRefusal, CanRuling};
 pub use error::AxisError;
 pub use framed::FrameRuling;
 pub use raw::Ruling;
