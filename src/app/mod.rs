@@ -184,7 +184,7 @@ fn drives_edb(settings: &Settings, bus: &settings::Bus) -> bool {
 }
 
 /// Drives one bus.
-#[embassy_executor::task(pool_size = limits::BUSES)]
+#[embassy_executor::task(pool_size = limits::MODBUS)]
 pub async fn bus_task(desk: &'static Desk, bus: u8, mut line: Line, master: Config) -> ! {
     bus::modbus::pump(&mut line, master, &BusQueue { desk, bus }).await
 }
@@ -205,6 +205,12 @@ pub async fn canopen_task(mut port: Can, parts: canopen::Parts) -> ! {
 #[embassy_executor::task(pool_size = limits::AXES)]
 pub async fn watch_task(gateway: &'static Gateway, axis: u8) -> ! {
     gateway.axes.watch(axis).await
+}
+
+/// Takes groups of axes through their stages.
+#[embassy_executor::task]
+pub async fn group_task(gateway: &'static Gateway) -> ! {
+    gateway.axes.work_groups().await
 }
 
 /// Changes the settings.
