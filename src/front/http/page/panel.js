@@ -258,7 +258,8 @@ const framed = {
 
 // A table for each kind of bus.
 function showBuses(buses) {
-  $("buses").replaceChildren(...[modbus, framed].map((columns) => {
+  const columnsOf = ({ protocol }) => ({ framed, canopen })[protocol] ?? modbus;
+  $("buses").replaceChildren(...[modbus, framed, canopen].map((columns) => {
     const table = document.createElement("table");
     const add = (row, tag, text, number) => {
       const cell = row.appendChild(document.createElement(tag));
@@ -268,9 +269,9 @@ function showBuses(buses) {
     };
     const head = table.createTHead().insertRow();
     ["Bus", "Protocol", "Line", ...Object.keys(columns)].forEach((title, index) => { add(head, "th", title, index > 2).scope = "col"; });
-    for (const bus of buses.filter(({ protocol }) => (protocol === "framed") === (columns === framed))) {
+    for (const bus of buses.filter((bus) => columnsOf(bus) === columns)) {
       const row = table.insertRow();
-      [bus.name, bus.protocol, `${bus.port} ${bus.baud} ${bus.format}`].forEach((text) => add(row, "td", text));
+      [bus.name, bus.protocol, `${bus.port} ${bus.baud ?? bus.bitrate} ${bus.format ?? ""}`].forEach((text) => add(row, "td", text));
       for (const [title, value] of Object.entries(columns)) {
         const count = value(bus.statistics);
         const cell = add(row, "td", typeof count === "number" ? figure(count) : count, true);
@@ -279,6 +280,7 @@ function showBuses(buses) {
     }
     return table;
   }).filter((table) => table.rows.length > 1));
+  readNodes(buses).catch((error) => { if (!polling.signal.aborted) banner("failed", error.message); });
 }
 
 function showSystem({ version, commit, uptime_ms, reset }) {
