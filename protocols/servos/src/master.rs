@@ -174,7 +174,7 @@ impl<'a, const AXES: usize, const NODES: usize, const CHANNELS: usize> Master<'a
     /// drives are told, and what the manager has to say.
     pub fn poll(&mut self, now: Instant) -> Action {
         loop {
-            if let Some(frame) = self.urgent(now) {
+            if let Some(frame) = self.stop(now).or_else(|| self.sync(now)) {
                 return Action::Transmit(frame);
             }
             if let Some(frame) = self.set_point() {
@@ -198,22 +198,24 @@ impl<'a, const AXES: usize, const NODES: usize, const CHANNELS: usize> Master<'a
         }
     }
 
-    /// What stops a drive, or the SYNC that is due, alone: for a caller whose port keeps a place for it, see [`Manager::sync`].
-    pub fn urgent(&mut self, now: Instant) -> Option<Frame> {
+    /// The SYNC that is due, alone, see [`Manager::sync`]: it may go before frames that were given earlier. Nothing else may.
+    pub fn sync(&mut self, now: Instant) -> Option<Frame> {
+        let sync = self.manager.sync(now)?;
+        let late = self.places.iter().skip(self.next).filter(|place| place.drive.follows()).count();
+        self.counters.late = self.counters.late.wrapping_add(late as u32);
+        self.next = 0;
+        Some(sync)
+    }
+
+    /// What stops a drive.
+    fn stop(&mut self, now: Instant) -> Option<Frame> {
         for place in &mut self.places {
             place.drive.advance(now);
         }
         if !self.up {
             return None;
         }
-        if let Some(frame) = self.places.iter_mut().find_map(|place| place.drive.urgent(now)) {
-            return Some(frame);
-        }
-        let sync = self.manager.sync(now)?;
-        let late = self.places.iter().skip(self.next).filter(|place| place.drive.follows()).count();
-        self.counters.late = self.counters.late.wrapping_add(late as u32);
-        self.next = 0;
-        Some(sync)
+        self.places.iter_mut().find_map(|place| place.drive.urgent(now))
     }
 
     /// What there is besides frames to be sent, see [`Manager::report`].
@@ -287,7 +289,11 @@ impl<'a, const AXES: usize, const NODES: usize, const CHANNELS: usize> Master<'a
     /// Begins the transfers that the drives want.
     fn begin(&mut self, now: Instant) {
         for place in &mut self.places {
-            let Some(job) = place.drive.job().filter(|_| !place.yields(now)) else {
+            if place.yields(now) {
+                continue;
+            }
+            place.yields_until = None;
+            let Some(job) = place.drive.job() else {
                 continue;
             };
             let transfer = match job.write {

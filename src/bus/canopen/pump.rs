@@ -6,11 +6,10 @@ use core::task::Poll;
 
 use embassy_futures::poll_once;
 use puente_canopen::Frame;
-use puente_canopen::cob::Function;
 use puente_canopen::manager::{Action as Managed, Sdo};
 use puente_canopen::sdo::{Config, Transfer};
 use puente_line::{Duration, Instant};
-use puente_servos::Action;
+use puente_servos::{Action, Order as Wanted};
 
 use super::super::{Taken, Undelivered};
 use super::{BLOCK, Drives, Exchange, Order, Room};
@@ -39,7 +38,7 @@ pub struct Setup {
 /// Works the manager of a bus, for ever.
 pub async fn pump(port: &mut impl CanPort, setup: Setup, clients: &impl Exchange, drives: &impl Drives) -> ! {
     let (mut reader, mut writer) = port.split();
-    let mut pump = Pump { setup, clients, drives, up: false, urgent: None, frame: None };
+    let mut pump = Pump { setup, clients, drives, up: false, sync: None, frame: None };
     loop {
         let now = clock::now();
         let expiry = clients.orders(now, |order| pump.take(now, order));
@@ -83,8 +82,9 @@ struct Pump<'c, C, D> {
     drives: &'c D,
     /// The port can send.
     up: bool,
-    /// What stops a drive, or SYNC. It is asked for while another frame waits for the port.
-    urgent: Option<Frame>,
+    /// SYNC, which goes before the frame that waits for the port. Nothing else does, not even a stop: what a drive was told
+    /// before must not follow it. A stop is the next frame.
+    sync: Option<Frame>,
     frame: Option<(Frame, Whose)>,
 }
 
@@ -119,8 +119,8 @@ impl<C: Exchange, D: Drives> Pump<'_, C, D> {
     /// frames come after its.
     fn act(&mut self, now: Instant) {
         let room = self.setup.room;
-        if self.urgent.is_none() {
-            self.urgent = room.work(|master| master.urgent(now));
+        if self.sync.is_none() {
+            self.sync = room.work(|master| master.sync(now));
         }
         while self.frame.is_none() {
             match room.work(|master| master.poll(now)) {
@@ -142,15 +142,9 @@ impl<C: Exchange, D: Drives> Pump<'_, C, D> {
         }
     }
 
-    /// What goes out next: SYNC, then the frame that waits, and then what stops a drive. So no set-point that waited follows
-    /// a stop.
+    /// What goes out next.
     fn next(&self) -> Option<&Frame> {
-        let frame = self.frame.as_ref().map(|(frame, _)| frame);
-        if self.hastens() { self.urgent.as_ref() } else { frame.or(self.urgent.as_ref()) }
-    }
-
-    fn hastens(&self) -> bool {
-        self.urgent.as_ref().is_some_and(|frame| Function::of(frame.id()) == Some(Function::Sync))
+        self.sync.as_ref().or(self.frame.as_ref().map(|(frame, _)| frame))
     }
 
     /// When to go on, whatever happens.
@@ -176,7 +170,11 @@ impl<C: Exchange, D: Drives> Pump<'_, C, D> {
             Action::Reported { place, report, current } => {
                 return self.drives.reported(now, place, report, current);
             }
-            Action::Fell { place, why } => return self.drives.fell(now, place, why),
+            Action::Fell { place, why } => {
+                // What is wanted from now on is wanted in the knowledge of this.
+                room.work(|master| master.set(now, place, Wanted::Observe));
+                return self.drives.fell(now, place, why);
+            }
             // Neither is something to tell.
             Action::Transmit(_) | Action::Idle => return,
         };
@@ -250,9 +248,10 @@ impl<C: Exchange, D: Drives> Pump<'_, C, D> {
     }
 
     fn gone(&mut self) -> Option<(Frame, Whose)> {
-        let hastened = if self.hastens() { self.urgent.take() } else { None };
-        let manager = |frame| (frame, Whose::Manager);
-        hastened.map(manager).or_else(|| self.frame.take()).or_else(|| self.urgent.take().map(manager))
+        match self.sync.take() {
+            Some(sync) => Some((sync, Whose::Manager)),
+            None => self.frame.take(),
+        }
     }
 }
 

@@ -1,0 +1,60 @@
+//! The page.
+
+use super::rig::{BITRATE, Figures, PERIOD};
+use super::{Row, TIME, blocking, wire, worst_cycle};
+use crate::bench::samples::ms;
+use puente_canopen::Frame;
+
+pub fn page(rows: &[Row]) -> String {
+    format!(
+        "# Set-points with every SYNC, measured\n\n\
+         `cargo xtask bench canopen > docs/canopen-bench.md`\n\n\
+         The gateway's end of `protocols/servos` and simulated Lexium 23A of `tools/cell` on its CAN bus: {BITRATE} bit/s, SYNC\n\
+         each {} ms. Interpolated position: after each SYNC a set-point for each axis (receive PDO 4, 4 bytes, taken at the next\n\
+         SYNC), and from each axis its status and position (transmit PDO 3, 6 bytes). A heartbeat of each node each second.\n\
+         Times are virtual, {} s a row, the same on every machine. Frames take the bits they have: stuff bits, and the\n\
+         intermission of 3 bits after each.\n\n\
+         A cycle is *missed* when a set-point or an answer of an axis is not between its SYNC and the next, or is there twice.\n\
+         The *load* is what the bus has counted; *computed* is the sum of the frames that its stations say they have sent.\n\n\
+         | bus | cycles | missed | load | computed | busy after SYNC, at most | SYNC waited, at most | from SYNC to SYNC |\n\
+         |---|--:|--:|--:|--:|--:|--:|--:|\n{}\n\
+         The drives of six axes are three on each of two buses, which have nothing in common but the time.\n\n\
+         ## Where the bits are\n\n\
+         | bus | SYNC | set-points | answers | others | transfers of the client |\n\
+         |---|--:|--:|--:|--:|--:|\n{}\n\
+         ## Bounds\n\n\
+         A frame that has begun is not taken off the bus. So SYNC, which is before all others but NMT, waits for one frame at\n\
+         most: {} bits for 8 bytes with all their stuff bits, {} ms. With it the cycle of three axes takes {} bits at most,\n\
+         {} ms; one of six on a single bus would take {}, {} ms, which is why they are on two.",
+        ms(PERIOD),
+        TIME.as_secs(),
+        rows.iter().map(row).collect::<String>(),
+        rows.iter().map(shares).collect::<String>(),
+        Frame::worst_bits(false, 8),
+        ms(blocking()),
+        worst_cycle(3),
+        ms(blocking() + wire(worst_cycle(3))),
+        worst_cycle(6),
+        ms(wire(worst_cycle(6))),
+    )
+}
+
+fn row(Row { name, figures }: &Row) -> String {
+    let Figures { cycles, missed, .. } = figures;
+    format!(
+        "| {name} | {cycles} | {missed} | {:.2} % | {:.2} % | {} | {} | {} to {} |\n",
+        figures.load(figures.bus.bits),
+        figures.load(figures.computed()),
+        ms(figures.busy),
+        ms(figures.blocked),
+        ms(figures.shortest),
+        ms(figures.longest),
+    )
+}
+
+fn shares(Row { name, figures }: &Row) -> String {
+    let [sync, set_points, answers, others] =
+        [figures.sync, figures.set_points, figures.answers, figures.others]
+            .map(|share| format!("{:.2} %", figures.load(share.bits)));
+    format!("| {name} | {sync} | {set_points} | {answers} | {others} | {} |\n", figures.transfers)
+}
