@@ -46,7 +46,7 @@ pub(super) async fn serve<R: Read, W: Write>(
     loop {
         let mut line = next_line(gateway, guest, inbox, writer, &mut client, &mut skipping).await;
         let served = match &mut line {
-            Ok(Line::Console(task)) => command(gateway, guest, inbox, writer, *task).await,
+            Ok(Line::Console(task)) => command(gateway, guest, inbox, writer, task).await,
             Ok(Line::Modbus(task)) => frame(gateway, inbox, writer, task).await,
             Ok(Line::Can(task)) => client.serve(inbox, writer, *task).await,
             Ok(Line::Done) => Ok(()),
@@ -84,7 +84,7 @@ async fn command<R: Read, W: Write>(
     guest: Guest,
     inbox: &mut Inbox<'_, R>,
     writer: &mut W,
-    task: console::Task,
+    task: &mut console::Task,
 ) -> Result<(), End> {
     let outcome = meanwhile(inbox, pin!(console::finish(gateway, guest, task))).await?;
     let mut reply = Reply::new();

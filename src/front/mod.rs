@@ -2,12 +2,14 @@
 
 mod can;
 mod console;
+mod dictionary;
 mod framed;
 mod http;
 mod inbox;
 mod lines;
 mod modbus_ascii;
 mod modbus_tcp;
+mod objects;
 mod sniff;
 mod system;
 
@@ -47,6 +49,7 @@ pub struct Gateway {
     pub keeper: &'static Keeper,
     /// When the gateway started.
     pub started: Instant,
+    dictionaries: dictionary::Dictionaries,
     sheets: http::Sheets,
     clients: AtomicUsize,
     connections: AtomicU32,
@@ -67,6 +70,7 @@ impl Gateway {
             axes,
             keeper,
             started: clock::now(),
+            dictionaries: dictionary::Dictionaries::new(),
             sheets: http::Sheets::new(),
             clients: AtomicUsize::new(0),
             connections: AtomicU32::new(0),

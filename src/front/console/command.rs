@@ -3,11 +3,14 @@
 use core::fmt;
 use core::str::FromStr;
 
+use puente_canopen::{Address, NodeId, nmt};
 use puente_drives::cia402::Mode;
 use puente_drives::cia402::homing::Method;
 use puente_drives::edb::Parameter;
 use puente_drives::pid::{BadGain, Gains};
 
+use super::super::dictionary::{Named, named};
+use super::super::objects;
 use crate::axis::{Course, cia402};
 
 /// A command.
@@ -20,6 +23,8 @@ pub(super) enum Command<'a> {
     Buses,
     Axis(&'a str, AxisCommand),
     Bus(&'a str, BusCommand),
+    Nodes(&'a str),
+    Node(&'a str, NodeId, NodeCommand<'a>),
 }
 
 /// What an axis is to do.
@@ -55,6 +60,17 @@ pub(super) enum BusCommand {
     Scan((u8, u8)),
 }
 
+/// What a node of a CANopen bus is to do, or what it is asked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum NodeCommand<'a> {
+    Status,
+    Emergencies,
+    Nmt(nmt::Command),
+    /// An object, in the type of its data sheet where none is said.
+    Read(Address, Option<Named>),
+    Write(Address, &'a str, Option<Named>),
+}
+
 /// What is wrong with a line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Mistake<'a> {
@@ -66,6 +82,10 @@ pub(super) enum Mistake<'a> {
     Usage(&'static str),
     /// No parameter.
     Parameter(&'a str),
+    /// No object.
+    Object(&'a str),
+    /// No data type.
+    Type(&'a str),
     /// A gain that no loop can work with.
     Gain(BadGain),
     /// No mode of a CiA 402 drive.
@@ -84,6 +104,12 @@ impl fmt::Display for Mistake<'_> {
             Mistake::Usage(usage) => write!(f, "expected: {usage}"),
             Mistake::Parameter(word) => {
                 write!(f, "'{}' is no parameter; write Pn and a number, as in Pn037", Shown(word))
+            }
+            Mistake::Object(word) => {
+                write!(f, "'{}' is no object; write index and sub-index, as in 6041:0", Shown(word))
+            }
+            Mistake::Type(word) => {
+                write!(f, "'{}' is no data type; 'help datatype' in CiA 309-3 has them", Shown(word))
             }
             Mistake::Gain(gain) => gain.fmt(f),
             Mistake::Mode(word) => {
@@ -132,6 +158,8 @@ impl Command<'_> {
 
 const AXIS: &str = "axis NAME status|enable|disable|stop|clear|move POSITION [VELOCITY]|\
 home [METHOD]|velocity V|torque PERMILLE|mode MODE|gains KP KI KD|jog RPM|alarm|get PnNNN|set PnNNN VALUE";
+const NODE: &str = "node BUS ID status|emcy|start|stop|preop|reset|reset-communication|\
+read INDEX:SUB [TYPE]|write INDEX:SUB VALUE [TYPE]";
 const BUS: &str = "bus NAME status|scan FIRST-LAST";
 
 /// Reads a line that is not empty.
@@ -142,14 +170,14 @@ pub(super) fn parse(line: &[u8]) -> Result<Command<'_>, Mistake<'_>> {
     let text = core::str::from_utf8(line).map_err(|_| Mistake::Text)?;
     let mut words = text.split_ascii_whitespace();
     let first = words.next().unwrap_or_default();
-    let mut rest = [""; 5];
+    let mut rest = [""; 6];
     let count = rest.iter_mut().zip(words.by_ref()).map(|(place, word)| *place = word).count();
     let rest = rest.get(..count).unwrap_or_default();
     if first.starts_with(['[', '0', '1', '2', '3', '4', '5', '6', '7', '8', '9']) {
         return Err(Mistake::Unsupported("CiA 309-3"));
     }
     if words.next().is_some() {
-        return Err(Mistake::Usage("at most 6 words; try 'help'"));
+        return Err(Mistake::Usage("at most 7 words; try 'help'"));
     }
     match (first, rest) {
         ("help" | "?", []) => Ok(Command::Help),
@@ -159,6 +187,9 @@ pub(super) fn parse(line: &[u8]) -> Result<Command<'_>, Mistake<'_>> {
         ("bus", []) => Ok(Command::Buses),
         ("axis", [name, rest @ ..]) => Ok(Command::Axis(name, axis(rest)?)),
         ("bus", [name, rest @ ..]) => Ok(Command::Bus(name, bus(rest)?)),
+        ("node", [bus]) => Ok(Command::Nodes(bus)),
+        ("node", [bus, id, rest @ ..]) => Ok(Command::Node(bus, node(id)?, node_command(rest)?)),
+        ("node", []) => Err(Mistake::Usage("node BUS")),
         ("help" | "?" | "feed" | "system", _) => Err(Mistake::Usage("this word alone")),
         _ => Err(Mistake::Unknown(first)),
     }
@@ -219,6 +250,25 @@ fn bus<'a>(words: &[&'a str]) -> Result<BusCommand, Mistake<'a>> {
     }
 }
 
+fn node(id: &str) -> Result<NodeId, Mistake<'_>> {
+    id.parse().ok().and_then(NodeId::new).ok_or(Mistake::Number(id))
+}
+
+fn node_command<'a>(words: &[&'a str]) -> Result<NodeCommand<'a>, Mistake<'a>> {
+    let address = |text| objects::address(text).ok_or(Mistake::Object(text));
+    let kind = |name| named(name).map(Some).ok_or(Mistake::Type(name));
+    Ok(match words {
+        ["status"] => NodeCommand::Status,
+        ["emcy"] => NodeCommand::Emergencies,
+        ["read", object] => NodeCommand::Read(address(object)?, None),
+        ["read", object, name] => NodeCommand::Read(address(object)?, kind(name)?),
+        ["write", object, value] => NodeCommand::Write(address(object)?, value, None),
+        ["write", object, value, name] => NodeCommand::Write(address(object)?, value, kind(name)?),
+        [word] => NodeCommand::Nmt(objects::command(word).ok_or(Mistake::Usage(NODE))?),
+        _ => return Err(Mistake::Usage(NODE)),
+    })
+}
+
 /// Units 1 to 247, as in `1-16` or `7`.
 fn scan(range: &str) -> Option<(u8, u8)> {
     let (first, last) = range.split_once('-').unwrap_or((range, range));
@@ -266,7 +316,7 @@ mod tests {
             (b"bus a scan 9-3", Err(Mistake::Number("9-3"))),
             (b"bus a scan 0", Err(Mistake::Number("0"))),
             (b"go", Err(Mistake::Unknown("go"))),
-            (b"axis x set Pn037 1 2 3", Err(Mistake::Usage("at most 6 words; try 'help'"))),
+            (b"axis x set Pn037 1 2 3 4", Err(Mistake::Usage("at most 7 words; try 'help'"))),
             (b"[1] 4 read 0x1017 0 i16", Err(Mistake::Unsupported("CiA 309-3"))),
             (b"axis \xFF", Err(Mistake::Text)),
         ];

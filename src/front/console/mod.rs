@@ -1,6 +1,7 @@
 //! The console: one command a line, one line back, `ok key=value ...` or `error code text`.
 
 mod command;
+mod node;
 mod status;
 
 use core::fmt::Write;
@@ -27,18 +28,21 @@ EDB: axis NAME jog RPM; axis NAME alarm; axis NAME get PnNNN; axis NAME set PnNN
 PID: axis NAME move POSITION; axis NAME gains KP KI KD; \
 CiA 402: axis NAME move POSITION [VELOCITY]; axis NAME home [METHOD]; axis NAME velocity V; axis NAME torque PERMILLE; \
 axis NAME mode MODE; \
-bus; bus NAME status; bus NAME scan FIRST-LAST; system; feed\"";
+bus; bus NAME status; bus NAME scan FIRST-LAST; \
+node BUS [ID status|emcy|start|stop|preop|reset|reset-communication|\
+read INDEX:SUB [TYPE]|write INDEX:SUB VALUE [TYPE]]; system; feed\"";
 
 const NO_SCAN: &str =
     "a framed bus has no units to ask; its modules report by themselves, see: axis NAME status";
 
 /// A command that needs the drives.
-#[derive(Clone, Copy)]
 pub(super) enum Task {
     /// To an axis, by its number.
     Axis(u8, AxisCommand),
     /// To a bus, by its number: find the units from the first to the last.
     Scan(u8, (u8, u8)),
+    /// To a node of a CANopen bus.
+    Node(node::Task),
 }
 
 /// Reads a command, and answers it where that needs no drive: then there is no task. `gone` tells that the client has closed its side and may
@@ -65,7 +69,7 @@ pub(super) fn begin(
         Ok(command) if gone && command.moves() => {
             Err(error(reply, "gone", "the client has closed its side, so nothing would stop the axis"))
         }
-        Ok(command) => resolve(gateway, command, reply),
+        Ok(command) => resolve(gateway, guest, gone, command, reply),
     };
     task.inspect_err(|Told| end(reply)).ok()
 }
@@ -73,13 +77,23 @@ pub(super) fn begin(
 /// The reply has been written.
 struct Told;
 
-fn resolve(gateway: &Gateway, command: Command<'_>, reply: &mut Reply) -> Result<Task, Told> {
+fn resolve(
+    gateway: &Gateway,
+    guest: Guest,
+    gone: bool,
+    command: Command<'_>,
+    reply: &mut Reply,
+) -> Result<Task, Told> {
     match command {
         Command::Help => say(reply, format_args!("{HELP}")),
         Command::Feed => say(reply, format_args!("ok")),
         Command::System => say(reply, format_args!("ok {}", System(gateway))),
         Command::Axes => list(reply, "axes", gateway.axes.iter().map(|(_, axis)| &axis.name)),
         Command::Buses => list(reply, "buses", gateway.settings.buses.iter().map(|bus| &bus.name)),
+        Command::Nodes(bus) => node::list(gateway, bus, reply)?,
+        Command::Node(bus, id, command) => {
+            return node::begin(gateway, guest, gone, bus, id, command, reply).map(Task::Node);
+        }
         Command::Axis(name, command) => match gateway.axes.find(name) {
             Ok(id) => return Ok(Task::Axis(id, command)),
             Err(unknown) => return Err(error(reply, unknown.code(), unknown)),
@@ -104,6 +118,8 @@ pub(super) enum Outcome {
     Axis(u8, Result<Answer, AxisError>),
     /// Of the search for units from the first to the last on a bus, by its number.
     Scan(u8, (u8, u8), Result<Units, (u8, Failure)>),
+    /// Of a node of a CANopen bus.
+    Node(node::Outcome),
 }
 
 /// What an axis answers.
@@ -126,10 +142,11 @@ pub(super) enum Answer {
 }
 
 /// Does what needs the drives. There is no reply yet: its room is that of this future, see [`lines`](super::lines).
-pub(super) async fn finish(gateway: &Gateway, guest: Guest, task: Task) -> Outcome {
+pub(super) async fn finish(gateway: &Gateway, guest: Guest, task: &mut Task) -> Outcome {
     match task {
-        Task::Axis(id, command) => Outcome::Axis(id, axis(gateway, guest.commander(), id, command).await),
-        Task::Scan(bus, units) => Outcome::Scan(bus, units, scan(gateway, guest, bus, units).await),
+        Task::Axis(id, command) => Outcome::Axis(*id, axis(gateway, guest.commander(), *id, *command).await),
+        Task::Scan(bus, units) => Outcome::Scan(*bus, *units, scan(gateway, guest, *bus, *units).await),
+        Task::Node(task) => Outcome::Node(node::finish(gateway, task).await),
     }
 }
 
@@ -156,6 +173,7 @@ pub(super) fn tell(gateway: &Gateway, outcome: &Outcome, reply: &mut Reply) {
         Outcome::Scan(_, _, Err((unit, failure))) => {
             error(reply, "not-sent", format_args!("scan ended at unit {unit}: {failure}"));
         }
+        Outcome::Node(outcome) => node::tell(gateway, outcome, reply),
     }
     end(reply);
 }
@@ -334,6 +352,8 @@ impl Mistake<'_> {
             Mistake::Parameter(_) => "parameter",
             Mistake::Number(_) => "number",
             Mistake::Gain(_) => "range",
+            Mistake::Object(_) => "object",
+            Mistake::Type(_) => "type",
             Mistake::Mode(_) => "mode",
             Mistake::Unsupported(_) => "unsupported",
         }

@@ -15,7 +15,7 @@ use super::page::Asset;
 use super::problem::Problem;
 use super::reply::Reply;
 use super::resource::Resource;
-use super::{Fault, config, metrics, view};
+use super::{Fault, config, metrics, nodes, view};
 use crate::axis::{AxisError, Commander};
 use crate::clock;
 use crate::desk::Holder;
@@ -30,7 +30,6 @@ const FRESH: Duration = Duration::from_millis(400);
 const _: () = assert!(JOURNAL_LINE < super::reply::BODY);
 
 /// What was asked for, in terms of this gateway: the request itself is not needed any more.
-#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Task {
     Asset(&'static Asset),
     Axes,
@@ -41,6 +40,7 @@ pub(super) enum Task {
     Parameter(u8, Parameter),
     SetParameter(u8, Parameter, u16),
     Buses,
+    Nodes(nodes::Task),
     System,
     Log,
     Metrics,
@@ -114,6 +114,10 @@ pub(super) fn understand(
             }
         }
         Resource::Buses => Task::Buses,
+        Resource::Nodes(bus, path) => {
+            let by = commander(guest, head);
+            Task::Nodes(nodes::understand(gateway, by, bus, path, head.method, body)?)
+        }
         Resource::System => Task::System,
         Resource::Log => Task::Log,
         Resource::Metrics => Task::Metrics,
@@ -189,6 +193,7 @@ impl Call<'_> {
                 self.value(id, parameter, value, reply).await?;
             }
             Task::Buses => self.buses(reply).await?,
+            Task::Nodes(task) => self.nodes(task, reply).await?,
             Task::System => reply.value(&System(self.gateway)).await?,
             Task::Log => log(reply).await?,
             Task::Metrics => metrics::send(self.gateway, reply).await?,
@@ -263,7 +268,8 @@ impl Call<'_> {
             let desk = self.gateway.desk;
             let statistics = desk.statistics(index).unwrap_or_default();
             let cycles = desk.cycles(index).unwrap_or_default();
-            reply.json(&view::Bus::new(bus, &statistics, &cycles, desk.line_down(index))).await?;
+            let can = desk.can_statistics(clock::now(), index).unwrap_or_default();
+            reply.json(&view::Bus::new(bus, &statistics, &cycles, desk.line_down(index), &can)).await?;
         }
         reply.put(format_args!("]")).await?;
         Ok(reply.finish().await?)
@@ -282,8 +288,14 @@ async fn log<W: Write>(reply: &mut Reply<'_, W>) -> Result<(), End> {
 
 pub(super) fn json<'a, T: Deserialize<'a>>(body: &'a [u8], expected: &'static str) -> Result<T, Problem> {
     let (value, used) = serde_json_core::from_slice(body).map_err(|_| Problem::Json(expected))?;
+    nothing_after(body, used, expected)?;
+    Ok(value)
+}
+
+/// Whether so many bytes are all of a body.
+pub(super) fn nothing_after(body: &[u8], used: usize, expected: &'static str) -> Result<(), Problem> {
     let rest = body.get(used..).unwrap_or_default();
-    if rest.trim_ascii().is_empty() { Ok(value) } else { Err(Problem::Json(expected)) }
+    if rest.trim_ascii().is_empty() { Ok(()) } else { Err(Problem::Json(expected)) }
 }
 
 #[cfg(test)]

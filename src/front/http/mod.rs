@@ -5,6 +5,7 @@ mod api;
 mod config;
 mod head;
 mod metrics;
+mod nodes;
 mod page;
 mod problem;
 mod reply;
@@ -126,7 +127,8 @@ struct Request<'g> {
 enum Progress {
     /// It has so many bytes.
     Whole(Request<'static>, usize),
-    /// It has so many bytes, and a settings document of so many follows, for which its client may wait for leave.
+    /// It has so many bytes, and a document of so many follows, which is taken as it comes, and for which its client may
+    /// wait for leave.
     Document(Request<'static>, usize, usize, bool),
     /// Its client waits for leave to send the body.
     Expecting,
@@ -149,14 +151,18 @@ async fn take<'g, R: Read, W: Write>(
                 return Ok(request);
             }
             Progress::Document(request, head, body, expecting) => {
-                let task = Ok(request.task?);
-                let form = gateway.keeper.lend().ok_or(Problem::Busy)?;
+                let task = request.task?;
                 inbox.consume(head);
                 if expecting {
                     send(writer, CONTINUE).await?;
                 }
+                if let Task::Nodes(nodes::Task::Upload(whose)) = task {
+                    let task = nodes::receive(gateway, whose, inbox, body).await?.map(Task::Nodes);
+                    return Ok(Request { task, ..request });
+                }
+                let form = gateway.keeper.lend().ok_or(Problem::Busy)?;
                 let form = Some(config::receive(form, inbox, body).await?);
-                return Ok(Request { task, form, ..request });
+                return Ok(Request { task: Ok(task), form, ..request });
             }
             Progress::Expecting if !encouraged => {
                 encouraged = true;
@@ -189,12 +195,17 @@ fn progress(gateway: &Gateway, guest: Guest, data: &[u8]) -> Result<Progress, Pr
         task: api::understand(gateway, guest, &head, body),
         form: None,
     };
-    let document = head.method == Method::Put && Resource::find(head.path) == Some(Resource::Config);
-    let most = if document { DOCUMENT } else { MAX_BODY };
+    let document = match Resource::find(head.path) {
+        _ if head.method != Method::Put => None,
+        Some(Resource::Config) => Some(DOCUMENT),
+        Some(Resource::Nodes(_, nodes::Path::Sheet(_))) => Some(nodes::EDS),
+        _ => None,
+    };
+    let most = document.unwrap_or(MAX_BODY);
     if head.body > most {
         return Err(Problem::BodyTooLarge(most));
     }
-    if document {
+    if document.is_some() {
         return Ok(Progress::Document(request(&[]), length, head.body, head.expects_continue));
     }
     let whole = length + head.body;

@@ -2,10 +2,14 @@
 
 use core::fmt;
 
+use puente_canopen::sdo::Failure;
 use serde::{Serialize, Serializer};
 
+use super::nodes::OBJECT;
 use super::status::{self, Status};
-use crate::axis::AxisError;
+use crate::axis::{AxisError, CanRefusal};
+use crate::desk::CanFailure;
+use crate::front::objects::{Failed, Hex, failure_code};
 use crate::settings::keeper::TRIAL;
 use crate::settings::{self, json};
 
@@ -63,6 +67,24 @@ pub(super) enum Problem {
     Moving,
     /// The settings could not be kept.
     Flash,
+    /// No CANopen bus has this name.
+    UnknownBus,
+    /// No node can have this node-ID.
+    UnknownNode,
+    /// The path names no object.
+    Object,
+    /// There is no such data type.
+    Type,
+    /// The body has no value of this data type.
+    Value(&'static str),
+    /// An object is longer than what can be told of it.
+    ObjectTooLong,
+    /// The body is no data sheet.
+    Eds(puente_eds::Error),
+    /// It is not a client's to send.
+    Reserved(CanRefusal),
+    /// The node refused, or gave no answer, or was not asked.
+    Can(CanFailure),
 }
 
 impl Problem {
@@ -84,6 +106,14 @@ impl Problem {
             Problem::ReadOnly | Problem::OnTrial | Problem::NoTrial | Problem::Moving => status::CONFLICT,
             Problem::Flash => status::INTERNAL_ERROR,
             Problem::Axis(error) => axis_status(error),
+            Problem::UnknownBus | Problem::UnknownNode => status::NOT_FOUND,
+            Problem::Object | Problem::Type | Problem::Value(_) | Problem::Eds(_) => status::BAD_REQUEST,
+            Problem::Reserved(_) => status::CONFLICT,
+            Problem::ObjectTooLong => status::BAD_GATEWAY,
+            Problem::Can(CanFailure::TooLong) => status::CONTENT_TOO_LARGE,
+            Problem::Can(CanFailure::NotSent(_)) => status::SERVICE_UNAVAILABLE,
+            Problem::Can(CanFailure::Sdo(Failure::Timeout { .. })) => status::GATEWAY_TIMEOUT,
+            Problem::Can(CanFailure::Sdo(_)) => status::BAD_GATEWAY,
         }
     }
 
@@ -111,6 +141,15 @@ impl Problem {
             Problem::Flash => "flash",
             Problem::Full => "full",
             Problem::Axis(error) => error.code(),
+            Problem::UnknownBus => "unknown-bus",
+            Problem::UnknownNode => "unknown-node",
+            Problem::Object => "object",
+            Problem::Type => "type",
+            Problem::Value(_) => "value",
+            Problem::ObjectTooLong => "too-long",
+            Problem::Eds(_) => "eds",
+            Problem::Reserved(_) => "reserved",
+            Problem::Can(failure) => failure_code(failure),
         }
     }
 }
@@ -172,6 +211,19 @@ impl fmt::Display for Problem {
                 "an axis is commanded, is being stopped or turns; settings are changed at standstill only",
             ),
             Problem::Flash => f.write_str("the flash failed; the settings are as before"),
+            Problem::UnknownBus => f.write_str("no CANopen bus has this name; GET /api/buses lists them"),
+            Problem::UnknownNode => f.write_str("node-IDs are 1 to 127; commands go to all with 0"),
+            Problem::Object => {
+                f.write_str("an object is its index in hexadecimal and its sub-index, as in 6041:0")
+            }
+            Problem::Type => f.write_str("there is no such data type; docs/http.md lists them"),
+            Problem::Value(kind) => write!(f, "the body has no value of type {kind}"),
+            Problem::ObjectTooLong => {
+                write!(f, "the object has more than {OBJECT} bytes; read it in CiA 309-3")
+            }
+            Problem::Eds(error) => error.fmt(f),
+            Problem::Reserved(refusal) => refusal.fmt(f),
+            Problem::Can(failure) => failure.fmt(f),
         }
     }
 }
@@ -183,28 +235,52 @@ impl BadSettings<'_> {
     const CODE: &'static str = "settings";
 }
 
+impl From<Failed> for Problem {
+    fn from(failed: Failed) -> Self {
+        match failed {
+            Failed::Axis(error) => Problem::Axis(error),
+            Failed::Reserved(refusal) => Problem::Reserved(refusal),
+            Failed::Can(failure) => Problem::Can(failure),
+        }
+    }
+}
+
+impl From<CanFailure> for Problem {
+    fn from(failure: CanFailure) -> Self {
+        Problem::Can(failure)
+    }
+}
+
 impl From<AxisError> for Problem {
     fn from(error: AxisError) -> Self {
         Problem::Axis(error)
     }
 }
 
-/// `{"code": .., "message": ..}`
+/// `{"code": .., "message": ..}`, and with the abort code where there is one.
 #[derive(Serialize)]
 #[serde(bound = "T: fmt::Display")]
 struct Error<T> {
     code: &'static str,
     message: super::view::Text<T>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    abort: Option<super::view::Text<Hex<4>>>,
 }
 
 impl Serialize for Problem {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        Error { code: self.code(), message: super::view::Text(self) }.serialize(serializer)
+        let abort = match self {
+            Problem::Can(CanFailure::Sdo(Failure::Aborted(abort))) => {
+                Some(super::view::Text(Hex(abort.0.to_be_bytes())))
+            }
+            _ => None,
+        };
+        Error { code: self.code(), message: super::view::Text(self), abort }.serialize(serializer)
     }
 }
 
 impl Serialize for BadSettings<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        Error { code: Self::CODE, message: super::view::Text(self.0) }.serialize(serializer)
+        Error { code: Self::CODE, message: super::view::Text(self.0), abort: None }.serialize(serializer)
     }
 }

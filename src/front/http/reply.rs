@@ -189,8 +189,8 @@ impl<'w, W: Write> Reply<'w, W> {
         if count == 0 && self.filled > 0 { self.piece(false).await } else { Ok(()) }
     }
 
-    /// Appends what `fill` writes; it says none where the room does not do.
-    async fn append(&mut self, fill: impl Fn(&mut [u8]) -> Option<usize>) -> Result<(), End> {
+    /// Appends what `fill` writes; it says none where the room does not do, and is asked again with more.
+    pub(super) async fn append(&mut self, fill: impl Fn(&mut [u8]) -> Option<usize>) -> Result<(), End> {
         self.start().await;
         if let Some(count) = fill(self.room()) {
             self.filled += count;

@@ -3,6 +3,7 @@
 use heapless::Vec;
 
 use super::head::Method;
+use super::nodes::Path;
 use super::page::{self, Asset};
 
 /// What a path names.
@@ -22,6 +23,8 @@ pub(super) enum Resource<'p> {
     Parameter(&'p str, &'p str),
     /// `/api/buses`
     Buses,
+    /// `/api/buses/NAME/nodes` and what is under it
+    Nodes(&'p str, Path<'p>),
     /// `/api/system`
     System,
     /// `/api/log`
@@ -53,7 +56,7 @@ pub(super) enum Command {
 
 impl<'p> Resource<'p> {
     pub(super) fn find(path: &'p str) -> Option<Self> {
-        let mut segments = Vec::<_, 5>::new();
+        let mut segments = Vec::<_, 8>::new();
         for segment in path.strip_prefix('/')?.split('/') {
             segments.push(segment).ok()?;
         }
@@ -64,6 +67,7 @@ impl<'p> Resource<'p> {
             ["api", "axes", axis, command] => Resource::Command(axis, Command::find(command)?),
             ["api", "axes", axis, "parameters", parameter] => Resource::Parameter(axis, parameter),
             ["api", "buses"] => Resource::Buses,
+            ["api", "buses", bus, "nodes", ref rest @ ..] => Resource::Nodes(bus, Path::find(rest)?),
             ["api", "config"] => Resource::Config,
             ["api", "config", "confirm"] => Resource::Confirm,
             ["api", "config", "state"] => Resource::ConfigState,
@@ -81,6 +85,7 @@ impl<'p> Resource<'p> {
             Resource::Command(..) | Resource::Confirm => "POST",
             Resource::Gains(_) | Resource::Parameter(..) => "GET, HEAD, PUT",
             Resource::Config => "GET, HEAD, PUT, DELETE",
+            Resource::Nodes(_, path) => path.methods(),
             Resource::Asset(_)
             | Resource::Axes
             | Resource::Axis(_)
@@ -93,6 +98,9 @@ impl<'p> Resource<'p> {
     }
 
     pub(super) const fn takes(&self, method: Method) -> bool {
+        if let Resource::Nodes(_, path) = self {
+            return path.takes(method);
+        }
         match method {
             Method::Get | Method::Head => !matches!(self, Resource::Command(..) | Resource::Confirm),
             Method::Post => matches!(self, Resource::Command(..) | Resource::Confirm),
@@ -128,6 +136,8 @@ impl Command {
 
 #[cfg(test)]
 mod tests {
+    use puente_canopen::nmt;
+
     use super::*;
 
     #[test]
@@ -144,6 +154,20 @@ mod tests {
             ("/api/axes/x/stop", Resource::Command("x", Command::Stop)),
             ("/api/axes/x/parameters/Pn037", Resource::Parameter("x", "Pn037")),
             ("/api/buses", Resource::Buses),
+            ("/api/buses/can/nodes", Resource::Nodes("can", Path::All)),
+            ("/api/buses/can/nodes/5", Resource::Nodes("can", Path::Node("5"))),
+            ("/api/buses/can/nodes/0/start", Resource::Nodes("can", Path::Command("0", nmt::Command::Start))),
+            ("/api/buses/can/nodes/5/emergencies", Resource::Nodes("can", Path::Emergencies("5"))),
+            ("/api/buses/can/nodes/5/eds", Resource::Nodes("can", Path::Sheet("5"))),
+            ("/api/buses/can/nodes/5/objects", Resource::Nodes("can", Path::Objects("5"))),
+            (
+                "/api/buses/can/nodes/5/objects/6041:0",
+                Resource::Nodes("can", Path::Object("5", "6041:0", None)),
+            ),
+            (
+                "/api/buses/can/nodes/5/objects/6041/u16",
+                Resource::Nodes("can", Path::Object("5", "6041", Some("u16"))),
+            ),
             ("/api/config", Resource::Config),
             ("/api/config/confirm", Resource::Confirm),
             ("/api/config/state", Resource::ConfigState),
@@ -166,6 +190,9 @@ mod tests {
             "/x",
             "/api/axes/x/parameters/Pn037/x",
             "/../metrics",
+            "/api/buses/can",
+            "/api/buses/can/nodes/5/jog",
+            "/api/buses/can/nodes/5/objects/6041/u16/x",
         ] {
             assert_eq!(Resource::find(path), None, "{path}");
         }
@@ -188,6 +215,11 @@ mod tests {
             "/api/axes/x/gains",
             "/api/axes/x/parameters/a",
             "/api/buses",
+            "/api/buses/can/nodes",
+            "/api/buses/can/nodes/5/stop",
+            "/api/buses/can/nodes/5/eds",
+            "/api/buses/can/nodes/5/objects",
+            "/api/buses/can/nodes/5/objects/6041",
             "/api/config",
             "/api/config/confirm",
             "/api/config/state",

@@ -49,3 +49,7 @@ pub const JOURNAL: usize = 3072;
 pub const JOURNAL_LINE: usize = 160;
 /// Bytes of frames heard on a framed bus that are kept for clients: the longest has room.
 pub const HEARD: usize = 1540;
+/// Bytes of what is kept of nodes' data sheets: some fifty objects.
+pub const DICTIONARY: usize = 2048;
+/// Nodes of which a data sheet is kept.
+pub const DICTIONARIES: usize = 4;

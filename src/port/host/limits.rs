@@ -48,3 +48,7 @@ pub const JOURNAL: usize = 65_536;
 pub const JOURNAL_LINE: usize = 400;
 /// Bytes of frames heard on a framed bus that are kept for clients.
 pub const HEARD: usize = 16_384;
+/// Bytes of what is kept of nodes' data sheets: some hundred objects take 10 KB.
+pub const DICTIONARY: usize = 262_144;
+/// Nodes of which a data sheet is kept.
+pub const DICTIONARIES: usize = 64;

@@ -7,7 +7,7 @@ use puente_modules::master;
 use serde::Serialize;
 
 use super::Text;
-use crate::desk::Statistics;
+use crate::desk::{CanStatistics, Statistics};
 use crate::settings::{self, Protocol};
 
 /// A bus.
@@ -51,6 +51,81 @@ pub(in crate::front::http) struct Canopen<'a> {
     heartbeat_ms: u16,
     sdo_timeout_ms: u16,
     client_frames: settings::ClientFrames,
+    statistics: Frames,
+}
+
+#[derive(Serialize)]
+struct Frames {
+    state: &'static str,
+    /// Of the last second, in % of what the bit rate has room for.
+    load_percent: f32,
+    received: u32,
+    sent: u32,
+    bits: u64,
+    undelivered: u32,
+    lost: u32,
+    waiting: usize,
+    not_sent: u32,
+    sync_missed: u32,
+    booted: u32,
+    emergencies: u32,
+    port: Port,
+    sdo: Sdo,
+}
+
+#[derive(Serialize)]
+struct Port {
+    tx_errors: u8,
+    rx_errors: u8,
+    bus_offs: u32,
+    lost: u32,
+}
+
+#[derive(Serialize)]
+struct Sdo {
+    transfers: u32,
+    completed: u32,
+    aborted: u32,
+    timeouts: u32,
+    repeated: u32,
+    late: u32,
+    unpaired: u32,
+}
+
+impl Frames {
+    fn new(counted: &CanStatistics) -> Self {
+        let CanStatistics { port, manager, .. } = counted;
+        let sdo = &manager.sdo;
+        Self {
+            state: counted.state.name(),
+            load_percent: counted.load_permille as f32 / 10.0,
+            received: counted.received,
+            sent: counted.sent,
+            bits: counted.bits,
+            undelivered: counted.undelivered,
+            lost: counted.lost,
+            waiting: counted.waiting,
+            not_sent: counted.not_sent,
+            sync_missed: manager.sync_missed,
+            booted: manager.booted,
+            emergencies: manager.emergencies,
+            port: Port {
+                tx_errors: port.tx_errors,
+                rx_errors: port.rx_errors,
+                bus_offs: port.bus_offs,
+                lost: port.lost,
+            },
+            sdo: Sdo {
+                transfers: sdo.transfers,
+                completed: sdo.completed,
+                aborted: sdo.aborted,
+                timeouts: sdo.timeouts,
+                repeated: sdo.repeated,
+                late: sdo.late,
+                unpaired: sdo.unpaired,
+            },
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -135,19 +210,20 @@ impl<'a> Bus<'a> {
         statistics: &Statistics,
         cycles: &master::Statistics,
         line_down: bool,
+        can: &CanStatistics,
     ) -> Self {
         match &bus.protocol {
             Protocol::ModbusRtu(modbus) | Protocol::ModbusAscii(modbus) => {
                 Bus::Modbus(Modbus::new(bus, modbus, statistics))
             }
             Protocol::Framed(framed) => Bus::Framed(Framed::new(bus, framed, cycles, line_down)),
-            Protocol::Canopen(canopen) => Bus::Canopen(Canopen::new(bus, canopen)),
+            Protocol::Canopen(canopen) => Bus::Canopen(Canopen::new(bus, canopen, can)),
         }
     }
 }
 
 impl<'a> Canopen<'a> {
-    fn new(bus: &'a settings::Bus, canopen: &settings::Canopen) -> Self {
+    fn new(bus: &'a settings::Bus, canopen: &settings::Canopen, counted: &CanStatistics) -> Self {
         Self {
             name: &bus.name,
             protocol: bus.protocol.name(),
@@ -160,6 +236,7 @@ impl<'a> Canopen<'a> {
             heartbeat_ms: canopen.heartbeat_ms,
             sdo_timeout_ms: canopen.sdo_timeout_ms,
             client_frames: canopen.client_frames,
+            statistics: Frames::new(counted),
         }
     }
 }

@@ -218,7 +218,7 @@ fn the_longest_fits_the_buffer() {
             line_errors: most,
         },
     };
-    let length = text(&Bus::new(bus, &statistics, &Default::default(), false)).len();
+    let length = text(&Bus::new(bus, &statistics, &Default::default(), false, &Default::default())).len();
     assert!(length > 1000, "{length}");
 }
 
