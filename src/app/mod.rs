@@ -184,7 +184,7 @@ fn drives_edb(settings: &Settings, bus: &settings::Bus) -> bool {
 }
 
 /// Drives one bus.
-#[embassy_executor::task(pool_size = limits::BUSES)]
+#[embassy_executor::task(pool_size = limits::MODBUS)]
 pub async fn bus_task(desk: &'static Desk, bus: u8, mut line: Line, master: Config) -> ! {
     bus::modbus::pump(&mut line, master, &BusQueue { desk, bus }).await
 }

@@ -7,7 +7,7 @@ use puente_drives::cia402::homing::Method;
 use puente_drives::pid::Gains;
 
 use super::{Axis, Bus, Cia402, Drive, Edb, Name, Net, Node, Pid, Protocol, Settings, VERSION};
-use crate::port::limits::{CANOPEN, CLIENTS, CLIENTS_ALLOWED, FRAMED};
+use crate::port::limits::{CANOPEN, CLIENTS, CLIENTS_ALLOWED, DRIVES, FRAMED, MEMBERS};
 use crate::port::{self, BadPort};
 
 /// What is wrong with a document whose types are right, and where.
@@ -57,6 +57,16 @@ pub enum Problem {
     /// There are more CANopen buses than the gateway can have.
     CanopenBuses {
         /// The first that is too many.
+        name: Name,
+    },
+    /// A CANopen bus has more axes than the gateway can drive there.
+    Drives {
+        /// Which bus.
+        name: Name,
+    },
+    /// A CANopen bus has more nodes, those of axes among them, than the gateway can watch there.
+    Members {
+        /// Which bus.
         name: Name,
     },
     /// Two CANopen buses have the same network number.
@@ -142,6 +152,10 @@ impl fmt::Display for Problem {
             Problem::CanopenBuses { name } => {
                 write!(f, "[[bus]] \"{name}\" protocol: at most {CANOPEN} can be CANopen")
             }
+            Problem::Drives { name } => write!(f, "[[bus]] \"{name}\": at most {DRIVES} axes can be there"),
+            Problem::Members { name } => {
+                write!(f, "[[bus]] \"{name}\": at most {MEMBERS} nodes, with those of axes, can be there")
+            }
             Problem::SameNet { name, other, net } => {
                 write!(f, "[[bus]] \"{name}\" net: bus \"{other}\" has number {net} already")
             }
@@ -222,6 +236,19 @@ impl Settings {
         }
         for (index, node) in self.nodes.iter().enumerate() {
             self.check_node(node, self.nodes.get(..index).unwrap_or_default())?;
+        }
+        self.buses.iter().filter(|bus| bus.canopen().is_some()).try_for_each(|bus| self.check_members(bus))
+    }
+
+    fn check_members(&self, bus: &Bus) -> Result<(), Problem> {
+        let axes = || self.axes.iter().filter(|axis| axis.bus == bus.name);
+        let plain = |node: &&Node| node.bus == bus.name && axes().all(|axis| axis.address != node.id);
+        let drives = axes().count();
+        if drives > DRIVES {
+            return Err(Problem::Drives { name: bus.name.clone() });
+        }
+        if drives + self.nodes.iter().filter(plain).count() > MEMBERS {
+            return Err(Problem::Members { name: bus.name.clone() });
         }
         Ok(())
     }

@@ -14,7 +14,7 @@ use puente_servos::{Axis, Order as Wanted, Report, Why};
 
 use super::{Image, Taken, Undelivered};
 use crate::clock;
-use crate::port::limits::{AXES, CHANNELS, MEMBERS, SDO_DATA};
+use crate::port::limits::{CHANNELS, DRIVES, MEMBERS, SDO_DATA};
 use crate::port::{CanCounters, CanState};
 
 pub use pump::{Setup, pump};
@@ -25,7 +25,7 @@ const BLOCK: usize = if SDO_DATA / SEGMENT > 127 { 127 } else { SDO_DATA / SEGME
 pub const ROOM: usize = (BLOCK + 1) * SEGMENT;
 
 /// The manager of a bus, with its drives.
-pub type Master = puente_servos::Master<'static, AXES, MEMBERS, CHANNELS>;
+pub type Master = puente_servos::Master<'static, DRIVES, MEMBERS, CHANNELS>;
 /// What it knows of nodes.
 pub type Nodes = Manager<'static, MEMBERS, CHANNELS>;
 

@@ -13,20 +13,24 @@ pub const PIPELINE: usize = 4;
 pub const TICKETS: usize = 24;
 /// Buses: the lines a and b, and CAN 1 and 2.
 pub const BUSES: usize = 4;
+/// Modbus buses: the lines a and b.
+pub const MODBUS: usize = 2;
 /// Framed buses: each takes more memory than a Modbus bus.
 pub const FRAMED: usize = 1;
 /// CANopen buses: CAN 1 and 2.
 pub const CANOPEN: usize = 2;
 /// Nodes of a CANopen bus that are booted and watched.
-pub const MEMBERS: usize = 16;
+pub const MEMBERS: usize = 12;
+/// Those of them that are drives.
+pub const DRIVES: usize = 6;
 /// Nodes of a CANopen bus with which there is an SDO transfer at once; the others wait.
-pub const CHANNELS: usize = 4;
+pub const CHANNELS: usize = 3;
 /// SDO transfers of clients under way at once, on all CANopen buses.
-pub const TRANSFERS: usize = 10;
+pub const TRANSFERS: usize = 8;
 /// Bytes that an SDO transfer writes at most, and that are kept of one that reads, for a client that is slow.
 pub const SDO_DATA: usize = 256;
 /// Frames and events of a CANopen bus that are kept for clients; a power of two.
-pub const CAN_HEARD: usize = 64;
+pub const CAN_HEARD: usize = 32;
 /// Nodes of which the settings say something, of all CANopen buses.
 pub const NODES: usize = 8;
 /// Values that the settings have written to a node.

@@ -12,12 +12,16 @@ pub const PIPELINE: usize = 16;
 pub const TICKETS: usize = 256;
 /// Buses.
 pub const BUSES: usize = 8;
+/// Modbus buses.
+pub const MODBUS: usize = 8;
 /// Framed buses.
 pub const FRAMED: usize = 8;
 /// CANopen buses.
 pub const CANOPEN: usize = 8;
 /// Nodes of a CANopen bus that are booted and watched.
 pub const MEMBERS: usize = 127;
+/// Those of them that are drives.
+pub const DRIVES: usize = AXES;
 /// Nodes of a CANopen bus with which there is an SDO transfer at once.
 pub const CHANNELS: usize = 127;
 /// SDO transfers of clients under way at once, on all CANopen buses.

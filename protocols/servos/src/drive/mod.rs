@@ -38,7 +38,7 @@ const ANSWER: Duration = Duration::from_millis(50);
 const MODE_TIME: Duration = Duration::from_secs(1);
 /// What tells that a drive stands may be old for so long.
 const SETTLE: Duration = Duration::from_millis(20);
-/// Cyclic synchronous modes do not tell that a drive stands; after this it does.
+/// In cyclic modes a drive need not tell that it stands; after this it does.
 const CYCLIC_STAND: Duration = Duration::from_millis(500);
 /// A halt has stopped a drive within this.
 const STAND: Duration = Duration::from_secs(5);

@@ -252,6 +252,12 @@ impl Drive {
         let settled = self.passed(now, since, SETTLE);
         let stands = match self.input.mode {
             Some(Mode::ProfileVelocity) => settled && status.has(Statusword::MODE_12),
+            // Not all say then that they stand.
+            Some(Mode::InterpolatedPosition) => {
+                let inactive = !status.has(Statusword::MODE_12);
+                let reached = settled && status.has(Statusword::TARGET_REACHED);
+                inactive && (reached || self.passed(now, since, CYCLIC_STAND))
+            }
             Some(Mode::CyclicPosition | Mode::CyclicVelocity | Mode::CyclicTorque) => {
                 self.passed(now, since, CYCLIC_STAND)
             }

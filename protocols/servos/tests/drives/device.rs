@@ -321,6 +321,7 @@ impl Device {
             self.speed = before / 2;
             self.put(0x6064, 0, i64::from(self.position() + self.speed));
             self.reached = self.speed == 0;
+            self.ack &= self.get(0x6061, 0) != 7 || word & 0x10 != 0;
             return;
         }
         if !self.is_enabled() {

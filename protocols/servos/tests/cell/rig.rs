@@ -1,0 +1,119 @@
+//! A master and simulated drives on a CAN bus of 1 Mbit/s.
+
+use std::time::Duration;
+
+use puente_canopen::NodeId;
+use puente_canopen::boot::{Plan, Signs};
+use puente_canopen::dcf::List;
+use puente_canopen::lss::Known;
+use puente_canopen::manager::{Config, Member};
+use puente_canopen::monitor::Supervision;
+use puente_cell::can::{self, Cell, DriveConfig, Model};
+use puente_line::Instant;
+use puente_servos::{Action, Axis, Master, Node, Order, Progress, Report, Why, setup};
+
+pub struct Rig {
+    pub cell: Cell,
+    pub master: Box<Master<'static, 4, 4, 4>>,
+    pub now: Instant,
+    pub reports: Vec<Option<(Report, bool)>>,
+    pub fell: Vec<(usize, Why)>,
+}
+
+impl Rig {
+    pub fn new(axes: &[Axis], model: Model, sync: Duration) -> Self {
+        let mut config = can::Config::new(1_000_000);
+        for axis in axes {
+            config = config.with(DriveConfig::new(axis.node.value(), model).expect("a node-ID"));
+        }
+        let cell = Cell::new(config);
+        let members = axes.iter().map(|axis| {
+            let mut list: heapless::Vec<u8, { setup::MOST }> = heapless::Vec::new();
+            setup::push(&mut list, axis, sync).expect("room");
+            let configuration = List::parse(list.to_vec().leak()).expect("a list");
+            let product = cell.node(axis.node.value()).map(|node| node.identity().product);
+            let plan = Plan {
+                configuration,
+                identity: Known { product, ..Known::default() },
+                signs: Signs::Heartbeat(50),
+                starts: true,
+                ..Plan::NOTHING
+            };
+            let supervision = Supervision::Heartbeat { timeout: Duration::from_millis(150) };
+            Member { plan, supervision, ..Member::new(axis.node) }
+        });
+        let members: Vec<_> = members.collect();
+        let now = Instant::from_millis(1);
+        let config = Config { sync, ..Config::new(NodeId::MAX) };
+        let mut master = Box::new(Master::new(config, members, axes.iter().copied(), now));
+        master.start(now);
+        let mut rig = Self { cell, master, now, reports: vec![None; axes.len()], fell: Vec::new() };
+        for place in 0..axes.len() {
+            rig.wait(|rig| rig.reports[place].is_some_and(|(report, _)| report.node == Node::Present));
+        }
+        rig
+    }
+
+    pub fn set(&mut self, place: usize, order: Order) {
+        self.master.set(self.now, place, order);
+    }
+
+    pub fn report(&self, place: usize) -> Report {
+        self.reports[place].expect("a report").0
+    }
+
+    pub fn run_ms(&mut self, time: u64) {
+        let end = self.now + Duration::from_millis(time);
+        while self.now < end {
+            self.poll();
+            let next = [self.master.poll_at(), self.cell.poll_at()].into_iter().flatten().min();
+            self.now = next.unwrap_or(end).max(self.now).min(end);
+            while let Some(heard) = self.cell.hear(self.now, 0) {
+                self.master.receive(self.now, &heard.frame);
+            }
+        }
+        self.poll();
+    }
+
+    fn poll(&mut self) {
+        loop {
+            match self.master.poll(self.now) {
+                Action::Idle => return,
+                Action::Transmit(frame) => self.cell.send(self.now, 0, &frame),
+                Action::Reported { place, report, current } => self.reports[place] = Some((report, current)),
+                Action::Fell { place, why } => self.fell.push((place, why)),
+                Action::Manager(_) => {}
+            }
+        }
+    }
+
+    pub fn wait(&mut self, done: impl Fn(&Self) -> bool) {
+        for _ in 0..30_000 {
+            if done(self) {
+                return;
+            }
+            self.run_ms(1);
+        }
+        panic!("it does not come: {:?}, {:?}", self.reports, self.fell);
+    }
+
+    /// Until a drive is where it is to be.
+    pub fn reach(&mut self, place: usize, order: Order) {
+        self.set(place, order);
+        self.run_ms(1);
+        self.wait(|rig| {
+            assert_eq!(rig.master.order(place), order, "{:?}", rig.fell);
+            let (report, current) = rig.reports[place].expect("a report");
+            assert!(!matches!(report.progress, Progress::Failed(_)), "{order:?}: {report:?}");
+            current && report.progress == Progress::Reached
+        });
+    }
+
+    pub fn position(&self, node: u8) -> f64 {
+        self.cell.node(node).and_then(|node| node.drive()).expect("a drive").position()
+    }
+
+    pub fn velocity(&self, node: u8) -> f64 {
+        self.cell.node(node).and_then(|node| node.drive()).expect("a drive").velocity()
+    }
+}
