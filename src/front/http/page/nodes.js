@@ -2,11 +2,6 @@
 
 // Nodes of CANopen buses: their state and last emergency, and their objects. panel.js has what the page shares.
 
-const canopen = {
-  "State": (s) => s.state, "Load, %": (s) => s.load_percent.toFixed(1), "Received": (s) => s.received, "Sent": (s) => s.sent,
-  "SDO": (s) => s.sdo.transfers, "Aborted": (s) => s.sdo.aborted, "Time-outs": (s) => s.sdo.timeouts, "Emergencies": (s) => s.emergencies,
-};
-
 const nodeMoods = { booted: "", booting: "hot", absent: "hot", lost: "hot", refused: "hot" };
 
 // Reads the nodes of all CANopen buses, one bus after the other.
