@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use proptest::prelude::*;
 use puente_canopen::lss::{self, Known};
 use puente_canopen::nmt::{Command, Sign, State};
 use puente_canopen::sdo::{Abort, Outcome, Transfer};
@@ -471,4 +472,55 @@ fn everything_is_repeatable() {
     assert!(one.len() > 400);
     assert_eq!(one, run(1));
     assert_ne!(one, other);
+}
+
+/// Any frame; often an SDO, a PDO or a word of the master to one of the nodes.
+fn any_frame() -> impl Strategy<Value = Frame> {
+    let write =
+        (prop::sample::select(vec![0x2F_u8, 0x2B, 0x23, 0x40, 0x21, 0xC6, 0xA4, 0xA3]), any::<[u8; 4]>());
+    let index = prop::sample::select(vec![
+        0x1005_u16, 0x100C, 0x100D, 0x1010, 0x1014, 0x1015, 0x1016, 0x1017, 0x1019, 0x1029, 0x1400, 0x1600,
+        0x1800, 0x1A00, 0x2000, 0x6007, 0x6040, 0x605A, 0x6060, 0x607A, 0x607D, 0x6081, 0x6083, 0x6085,
+        0x6098, 0x6099, 0x60C1, 0x60C2, 0x60FF,
+    ]);
+    let sdo = (2..6_u16, write, index, 0..4_u8).prop_map(|(node, (command, [a, b, c, d]), index, sub)| {
+        let [low, high] = index.to_le_bytes();
+        Frame::full(Id::base(0x600 + node), [command, low, high, sub, a, b, c, d])
+    });
+    let control =
+        (2..6_u16, prop::sample::select(vec![0, 2, 6, 7, 0x0F, 0x1F, 0x3F, 0x5F, 0x80, 0x10F]), -1..11_i8)
+            .prop_map(|(node, word, mode): (u16, u16, i8)| {
+                let [low, high] = word.to_le_bytes();
+                Frame::new(Id::base(0x300 + node), &[low, high, mode as u8]).unwrap()
+            });
+    let id = prop_oneof![Just(0_u16), Just(0x080), Just(0x7E5), 0x180..0x700_u16];
+    let others =
+        (id, prop::collection::vec(any::<u8>(), 0..=8), any::<bool>()).prop_map(|(id, data, remote)| {
+            if remote { Frame::remote(Id::base(id), 1) } else { Frame::new(Id::base(id), &data).unwrap() }
+        });
+    prop_oneof![3 => sdo, 3 => control, 2 => others]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Whatever they are told, nodes neither panic nor spin, and the drive is where it can be.
+    #[test]
+    fn told_anything(frames in prop::collection::vec((any_frame(), 0..40_u64), 1..80)) {
+        let models = [Model::Lexium23a, Model::FestoCmms, Model::Generic, Model::Node];
+        let nodes = (2..).zip(models).map(|(id, model)| DriveConfig::new(id, model).unwrap());
+        let mut bench = Bench::new(nodes);
+        bench.nmt(Command::Start, 0);
+        for (id, cob_id) in [(2, 0x302_u32), (3, 0x303)] {
+            bench.write(id, 0x1401, 1, &cob_id.to_le_bytes());
+        }
+        for (frame, pause) in frames {
+            bench.send(frame);
+            bench.run(pause);
+            let standing = bench.cell.nodes().iter().filter_map(|node| node.drive());
+            for drive in standing {
+                prop_assert!(drive.machine_position().abs() <= 6_720_000.0 && drive.velocity().is_finite());
+            }
+        }
+    }
 }

@@ -43,7 +43,7 @@ impl Row {
         if figures.bus.bits != figures.computed() {
             return Err(format!("{name}: {} bits, computed {}", figures.bus.bits, figures.computed()));
         }
-        if figures.blocked > blocking() {
+        if figures.blocked > 2 * blocking() {
             return Err(format!("{name}: SYNC waited for {:?}", figures.blocked));
         }
         Ok(())

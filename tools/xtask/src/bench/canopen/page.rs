@@ -25,8 +25,10 @@ pub fn page(rows: &[Row]) -> String {
          |---|--:|--:|--:|--:|--:|\n{}\n\
          ## Bounds\n\n\
          A frame that has begun is not taken off the bus. So SYNC, which is before all others but NMT, waits for one frame at\n\
-         most: {} bits for 8 bytes with all their stuff bits, {} ms. With it the cycle of three axes takes {} bits at most,\n\
-         {} ms; one of six on a single bus would take {}, {} ms, which is why they are on two.",
+         most: {} bits for 8 bytes with all their stuff bits, {} ms. The gateway's port here sends in the order given: where a\n\
+         frame of its own is already there, as with the client, SYNC waits for that one, too. With one frame before it the\n\
+         cycle of three axes takes {} bits and {} ms at most; one of six on a single bus would take {} bits, {} ms, which is why\n\
+         they are on two.",
         ms(PERIOD),
         TIME.as_secs(),
         rows.iter().map(row).collect::<String>(),
