@@ -177,9 +177,9 @@ fn a_line_that_is_no_frame_has_its_own_error_and_the_next_one_is_served() {
         (":", "too-short"),
         (":01", "too-short"),
         (":01FF", "too-short"),
-        ("=081,1,2X", "unknown-command"),
-        ("[1] 4 read 0x1017 0 i16", "unsupported"),
-        ("4 read 0x1017 0 i16", "unsupported"),
+        ("=081,1,2X", "frame-data"),
+        (":081,2,00", "frame-data"),
+        (":081,0", "unknown-bus"),
         ("axis x jog", "usage"),
         ("axis x jog 1e3", "number"),
         ("axis x set Pn037 65536", "number"),
@@ -199,6 +199,9 @@ fn a_line_that_is_no_frame_has_its_own_error_and_the_next_one_is_served() {
         client.error(line, code);
         assert_eq!(client.ask("feed"), "ok", "after {line:?}");
     }
+    assert_eq!(client.ask("[1] 4 read 0x1017 0 i16"), "[1] ERROR:104 #No default net set.");
+    assert_eq!(client.ask("4 read 0x1017 0 i16"), "[0] ERROR:101 #Syntax error.");
+    assert_eq!(client.ask("feed"), "ok");
     let frame = format!(":{}", "00".repeat(256));
     client.error(&frame, "too-long");
     client.error(&"a".repeat(514), "too-long");

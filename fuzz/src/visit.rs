@@ -11,7 +11,7 @@ use embassy_futures::select::{Either4, select4};
 use embedded_io_async::{ErrorType, Read, Write};
 use puente::axis::{Axes, AxisSpec, DriveSpec, edb, pid};
 use puente::bus::{End, Image, Next, Post, Taken, Undelivered, Work};
-use puente::desk::{BusImage, BusQueue, BusSpec, Desk};
+use puente::desk::{BusImage, BusQueue, BusSpec, Desk, Modules};
 use puente::front::Gateway;
 use puente::port::{Door, Listener, Peer, Socket};
 use puente::settings::keeper::{self, Source};
@@ -175,7 +175,8 @@ async fn answer(desk: &'static Desk) {
 
 /// A framed bus without wire: each packet is whole and from somebody, is on the line or not, and is answered by a receipt.
 async fn carry(desk: &'static Desk) {
-    let image = BusImage { desk, bus: FRAMED, axes: Default::default() };
+    let image: BusImage<'_, Modules> =
+        BusImage { desk, bus: FRAMED, axes: Default::default(), kind: std::marker::PhantomData };
     loop {
         let mut sent = Vec::new();
         image.outgoing(Instant::ZERO, |packet| {

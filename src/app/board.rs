@@ -6,7 +6,8 @@ use super::canopen::canopen;
 use super::framed::framed;
 use super::vital::feeder_task;
 use super::{
-    InForce, bus_task, canopen_task, framed_task, front_task, keeper_task, lamps, modbus, watch_task,
+    InForce, bus_task, canopen_task, framed_task, front_task, group_task, keeper_task, lamps, modbus,
+    watch_task,
 };
 use crate::clock;
 use crate::front::Gateway;
@@ -71,6 +72,7 @@ fn buses(gateway: &'static Gateway, board: &mut Board) -> bool {
     for (axis, _) in gateway.axes.iter() {
         board.buses.spawn(watch_task(gateway, axis).expect("one task an axis"));
     }
+    board.buses.spawn(group_task(gateway).expect("one task"));
     whole
 }
 

@@ -24,11 +24,11 @@ use crate::settings::{self, AXIS_HEARTBEAT_MS, Bus, Canopen, Cia402, Drive, Node
 
 /// Bytes of a value as it is listed for a node: index, sub-index, size, and the longest value.
 const ENTRY: usize = 3 + 4 + 8;
-/// Values that are written to an axis' node for what its settings say, besides those of its PDOs.
-const OWN: usize = 2;
+/// Bytes of what is written to an axis' node: its PDOs as delivered, its homing, and two values more.
+const AXIS: usize = 216;
 /// Bytes of what is written to one node, and to all of them; before each list there is its length.
-const MOST: usize = 4 + WRITES * ENTRY + setup::MOST + OWN * ENTRY;
-const ALL: usize = AXES * (4 + setup::MOST + OWN * ENTRY + setup::MOST_WATCH) + NODES * (4 + WRITES * ENTRY);
+const MOST: usize = 4 + WRITES * ENTRY + AXIS;
+const ALL: usize = AXES * (4 + AXIS + setup::MOST_WATCH) + NODES * (4 + WRITES * ENTRY);
 
 static ROOMS: [StaticCell<Room>; CANOPEN] = [const { StaticCell::new() }; CANOPEN];
 static LISTS: ConstStaticCell<[u8; ALL]> = ConstStaticCell::new([0; ALL]);
@@ -229,4 +229,101 @@ fn writes(
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings(text: &str) -> Settings {
+        let settings: Settings = toml::from_str(text).expect("a document");
+        assert_eq!(settings.check(), Ok(()));
+        settings
+    }
+
+    const TEXT: &str = r#"
+        [[bus]]
+        name = "can"
+        protocol = "canopen"
+        port = "sim"
+        sync_us = 2000
+        sync_overflow = 10
+        [[axis]]
+        name = "u"
+        bus = "can"
+        drive = "cia402"
+        profile = "festo-cmms"
+        address = 2
+        homing = 1
+        homing_fast = 1
+        homing_slow = 1
+        homing_acceleration = 1
+        max_velocity = 1
+        [[axis]]
+        name = "v"
+        bus = "can"
+        drive = "cia402"
+        address = 3
+        [[node]]
+        bus = "can"
+        id = 2
+        optional = true
+        heartbeat_ms = 40
+        vendor = 7
+        writes = [["0x2000", 1, "u16", 258]]
+        [[node]]
+        bus = "can"
+        id = 5
+        guard_ms = 100
+        start = false
+        [[node]]
+        bus = "can"
+        id = 6
+    "#;
+
+    #[test]
+    fn axes_and_nodes_are_members_once_each() {
+        let settings = settings(TEXT);
+        let bus = &settings.buses[0];
+        let canopen = bus.canopen().expect("a CANopen bus");
+        let mut lists: &'static mut [u8] = Box::leak(Box::new([0; ALL]));
+        let members: std::vec::Vec<_> = members_of(&settings, bus, canopen, &mut lists).collect();
+        let ids: std::vec::Vec<_> = members.iter().map(|member| member.id.value()).collect();
+        assert_eq!(ids, [2, 3, 5, 6]);
+        let [u, v, guarded, plain] = &members[..] else { panic!("four") };
+        assert_eq!((u.optional, u.plan.identity.vendor, u.plan.starts), (true, Some(7), true));
+        assert_eq!((u.plan.signs, v.plan.signs), (Signs::Heartbeat(40), Signs::Heartbeat(200)));
+        assert_eq!(u.supervision, Supervision::Heartbeat { timeout: Duration::from_millis(100) });
+        let time = Duration::from_millis(100);
+        assert_eq!(guarded.supervision, Supervision::Guarding { time, factor: 3 });
+        assert_eq!(
+            (guarded.plan.signs, guarded.plan.starts),
+            (Signs::Guarding { time: 100, factor: 3 }, false)
+        );
+        assert_eq!((plain.supervision, plain.plan.signs), (Supervision::Off, Signs::Unchanged));
+        assert_eq!(plain.plan.configuration.entries().count(), 0);
+        // What the settings say comes first, what the axis has of its own last.
+        let written: std::vec::Vec<_> = u.plan.configuration.entries().collect();
+        assert_eq!((written[0].address.index, written[0].data), (0x2000, &[2, 1][..]));
+        let last = written.last().expect("something");
+        assert_eq!((last.address, last.data), (MAX_PROFILE_VELOCITY.address, &[1, 0, 0, 0][..]));
+        assert!(written.iter().any(|entry| entry.address.index == 0x1800), "its PDOs are switched on");
+        assert!(v.plan.configuration.entries().count() > 0);
+        let config = config(NodeId::MAX, canopen);
+        assert_eq!(config.sync, Duration::from_millis(2));
+        assert_eq!(config.overflow.map(sync::Overflow::last), Some(10));
+    }
+
+    /// As much as any axis can have, whatever the drive.
+    #[test]
+    fn there_is_room_for_what_is_written_to_an_axis() {
+        for profile in puente_drives::cia402::Profile::ALL {
+            let settings = settings(&TEXT.replace("festo-cmms", profile.name));
+            let (_, axis, cia402) = axes_of(&settings, &settings.buses[0]).next().expect("an axis");
+            let mut list = Vec::<u8, MOST>::new();
+            let node = Node::new("can".parse().expect("a name"), 2);
+            assert!(writes(&mut list, &node, Some((axis, cia402)), Duration::from_millis(2)).is_ok());
+            assert!(list.len() <= 4 + AXIS, "{} needs {}", profile.name, list.len());
+        }
+    }
 }

@@ -11,7 +11,9 @@ use super::canopen::canopen;
 use super::framed::framed;
 use super::options::{Action, Options, USAGE};
 use super::simulated::{simulated, simulated_can};
-use super::{InForce, bus_task, canopen_task, framed_task, front_task, keeper_task, modbus, watch_task};
+use super::{
+    InForce, bus_task, canopen_task, framed_task, front_task, group_task, keeper_task, modbus, watch_task,
+};
 use crate::clock;
 use crate::front::Gateway;
 use crate::port::host::{CanSpec, Doors, LineSpec, Ports, exact_timers, random, start_log};
@@ -202,6 +204,7 @@ fn buses(gateway: &'static Gateway, ports: Vec<Spec>) -> ! {
         for (axis, _) in gateway.axes.iter() {
             spawner.spawn(watch_task(gateway, axis).expect("one task an axis"));
         }
+        spawner.spawn(group_task(gateway).expect("one task"));
     })
 }
 

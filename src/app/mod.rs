@@ -207,6 +207,12 @@ pub async fn watch_task(gateway: &'static Gateway, axis: u8) -> ! {
     gateway.axes.watch(axis).await
 }
 
+/// Takes groups of axes through their stages.
+#[embassy_executor::task]
+pub async fn group_task(gateway: &'static Gateway) -> ! {
+    gateway.axes.work_groups().await
+}
+
 /// Changes the settings.
 #[embassy_executor::task]
 pub async fn keeper_task(keeper: &'static Keeper, desk: &'static Desk, store: Store<Flash>) -> ! {

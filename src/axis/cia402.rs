@@ -336,12 +336,12 @@ fn in_mode(report: &Report, motion: Moves) -> bool {
     report.mode.is_some_and(|mode| modes.contains(&mode))
 }
 
-fn faulty(report: &Report) -> bool {
+pub(super) fn faulty(report: &Report) -> bool {
     matches!(report.state(), Some(State::Fault | State::FaultReactionActive))
 }
 
 /// The fault that a drive is in.
-fn fault(report: &Report) -> AxisError {
+pub(super) fn fault(report: &Report) -> AxisError {
     let told = report.emergency.map(|emergency| emergency.code);
     AxisError::DriveFault(report.fault.or(told))
 }

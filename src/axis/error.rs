@@ -32,6 +32,8 @@ pub enum AxisError {
     DriveFault(Option<u16>),
     /// The drive does not do what it was told, and its state.
     Drive(puente_servos::Failure, Option<State>),
+    /// Another group is on its way.
+    Group,
     /// There are no gains to hold the axis with.
     NoGains,
     /// The module takes text, and the digits of a gain do not fit.
@@ -70,6 +72,7 @@ impl AxisError {
             AxisError::Node(Node::Lost) => "lost",
             AxisError::Node(_) => "node-refused",
             AxisError::DriveFault(_) => "fault",
+            AxisError::Group => "busy",
             AxisError::Drive(puente_servos::Failure::Following, _) => "following-error",
             AxisError::Drive(puente_servos::Failure::Homing, _) => "homing-error",
             AxisError::Drive(puente_servos::Failure::NoMode(_), _) => "no-mode",
@@ -117,6 +120,7 @@ impl fmt::Display for AxisError {
             AxisError::Fault(cause) => write!(f, "fault: {cause}; clear it first"),
             AxisError::Refused(refusal) => write!(f, "the module refused: {refusal}"),
             AxisError::Node(node) => write!(f, "its node is {node}"),
+            AxisError::Group => f.write_str("a group is on its way; 'group status' tells how far"),
             AxisError::DriveFault(None) => f.write_str("fault; clear it first"),
             AxisError::DriveFault(Some(code)) => {
                 write!(f, "fault {code:04X}h, {}; clear it first", emcy::describe(*code))

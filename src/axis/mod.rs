@@ -8,6 +8,7 @@ pub mod cia402;
 pub mod edb;
 mod error;
 mod framed;
+pub mod group;
 mod link;
 pub mod pid;
 mod raw;
@@ -126,6 +127,7 @@ pub struct Axes {
     /// The desk that carries their requests.
     pub desk: &'static Desk,
     list: Vec<Axis, AXES>,
+    group: group::Group,
 }
 
 impl Axis {
@@ -168,7 +170,11 @@ impl From<AxisSpec> for Axis {
 impl Axes {
     /// The axes of a configuration; at most [`AXES`] count.
     pub fn new(desk: &'static Desk, specs: impl IntoIterator<Item = AxisSpec>) -> Self {
-        Self { desk, list: specs.into_iter().take(AXES).map(Axis::from).collect() }
+        Self {
+            desk,
+            list: specs.into_iter().take(AXES).map(Axis::from).collect(),
+            group: group::Group::new(),
+        }
     }
 
     /// All of them, with their numbers.

@@ -22,6 +22,20 @@ pub trait Bus: Send + 'static {
     fn poll_at(&self) -> Option<Instant>;
 }
 
+impl Bus for puente_cell::can::Cell {
+    fn send(&mut self, now: Instant, frame: &Frame) {
+        Self::send(self, now, 0, frame);
+    }
+
+    fn poll(&mut self, now: Instant) -> Option<Frame> {
+        Self::poll(self, now, 0)
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        Self::poll_at(self)
+    }
+}
+
 /// An SLCAN adapter.
 pub struct Adapter<B> {
     pub bus: B,

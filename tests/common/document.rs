@@ -105,6 +105,21 @@ impl Document {
         self
     }
 
+    /// With a CiA 402 drive on a bus, a Lexium 23A.
+    pub fn servo(mut self, name: &str, bus: &str, address: u8) -> Self {
+        let _ = write!(
+            self.axes,
+            "[[axis]]\nname = \"{name}\"\nbus = \"{bus}\"\ndrive = \"cia402\"\nprofile = \"lexium23a\"\naddress = {address}\n"
+        );
+        self
+    }
+
+    /// With what a node of a bus has besides.
+    pub fn node(mut self, bus: &str, id: u8, keys: &str) -> Self {
+        let _ = write!(self.axes, "[[node]]\nbus = \"{bus}\"\nid = {id}\n{keys}\n");
+        self
+    }
+
     /// Starts a gateway with it.
     pub fn start(self) -> Gateway {
         Gateway::start(&self)

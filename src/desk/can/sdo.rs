@@ -295,7 +295,8 @@ impl Transfers {
             let _ = entry.data.push_back(*byte);
         }
         entry.waker.wake();
-        entry.paused = !entry.abandoned && !entry.has_room();
+        // Until the manager has been told to go on, it waits: what has come meanwhile, and found room, does not tell it.
+        entry.paused |= !entry.abandoned && !entry.has_room();
         !entry.paused
     }
 
@@ -425,5 +426,36 @@ impl Drop for SdoPending<'_> {
         {
             self.desk.work(Some(self.bus));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A client in another thread made room while the rest of a block came: nobody told the manager to go on, and the client
+    /// waited for ever.
+    #[test]
+    fn who_waits_for_room_is_told_to_go_on_whatever_came_meanwhile() {
+        let (now, node) = (Instant::ZERO, NodeId::MIN);
+        let mut transfers = Transfers::new();
+        let transfer = SdoTransfer::Read { address: Address::new(0x2000, 0), block: true };
+        let order = SdoOrder { seat: 0, bus: 0, node, class: Class::Free, transfer, timeout: None };
+        let ticket = transfers.insert(now, &order).expect("a place");
+        let mut turns = NodeTurns::NEW;
+        let mut orders = Vec::<Order, 4>::new();
+        let mut take = |transfers: &mut Transfers| {
+            orders.clear();
+            transfers.orders(now, 0, true, &mut turns, &[], &mut |order| orders.push(order).is_ok());
+            orders.iter().any(|order| matches!(order, Order::Resume(_)))
+        };
+        assert!(!take(&mut transfers));
+        while transfers.read(0, node, &[0; 7]) {}
+        let mut place = [0; SDO_DATA];
+        let (taken, resumes) = transfers.collect(ticket, Waker::noop(), &mut place);
+        assert!(matches!(taken, Poll::Ready(Ok(1..))) && resumes);
+        transfers.read(0, node, &[0; 7]);
+        assert!(take(&mut transfers), "the manager goes on");
+        assert!(!take(&mut transfers), "once");
     }
 }

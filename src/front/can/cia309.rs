@@ -16,6 +16,7 @@ use puente_line::Duration;
 
 use super::super::inbox::Inbox;
 use super::super::{End, idle, send};
+use super::raw::Unsent;
 use super::{Client, say};
 use crate::clock;
 use crate::desk::{CanFailure, Class, Reason, SdoOrder, SdoTransfer};
@@ -108,16 +109,25 @@ impl Client<'_> {
         if let Err(error) = value {
             return say(writer, object.sequence, Answer::Error(error)).await;
         }
+        let by = self.guest.commander();
+        let ruling = self.gateway.axes.judge_sdo(by, object.bus, object.node, object.address, &data);
+        let ruling = match ruling {
+            Ok(ruling) if inbox.ended() && ruling.motion.is_some() => {
+                self.gateway.axes.raw_ended(&ruling, false);
+                return say(writer, object.sequence, Answer::Error(Error::State)).await;
+            }
+            Ok(ruling) => ruling,
+            Err(_) => return say(writer, object.sequence, Answer::Error(Error::State)).await,
+        };
         let transfer =
             SdoTransfer::Write { address: object.address, data: &data, block: self.session.sdo_block };
-        let mut pending = match self.gateway.desk.sdo(clock::now(), self.order(object, transfer)) {
-            Ok(pending) => pending,
-            Err(failure) => return say(writer, object.sequence, answer(failure)).await,
+        let order = SdoOrder { class: ruling.class, ..self.order(object, transfer) };
+        let written = match self.gateway.desk.sdo(clock::now(), order) {
+            Ok(mut pending) => Self::during(inbox, pin!(pending.written())).await?,
+            Err(failure) => Err(failure),
         };
-        let answer = match Self::during(inbox, pin!(pending.written())).await? {
-            Ok(()) => Answer::Ok,
-            Err(failure) => answer(failure),
-        };
+        self.gateway.axes.raw_ended(&ruling, !matches!(written, Err(CanFailure::NotSent(_))));
+        let answer = written.map_or_else(answer, |()| Answer::Ok);
         say(writer, object.sequence, answer).await
     }
 
@@ -158,10 +168,10 @@ impl Client<'_> {
     }
 
     /// Commands a node, or all.
-    pub(super) fn nmt(&self, bus: u8, command: nmt::Command, node: Option<NodeId>) -> Answer {
-        match self.gateway.desk.nmt(clock::now(), bus, command, node, &[]) {
+    pub(super) fn nmt(&self, gone: bool, bus: u8, command: nmt::Command, node: Option<NodeId>) -> Answer {
+        match self.gateway.command_node(self.guest, gone, bus, command, node) {
             Ok(()) => Answer::Ok,
-            Err(reason) => Answer::Error(unsent(reason)),
+            Err(why) => Answer::Error(unsent(why)),
         }
     }
 
@@ -185,7 +195,7 @@ impl Client<'_> {
 fn answer(failure: CanFailure) -> Answer {
     match failure {
         CanFailure::Sdo(failure) => Answer::Abort(failure.code()),
-        CanFailure::NotSent(reason) => Answer::Error(unsent(reason)),
+        CanFailure::NotSent(reason) => Answer::Error(unsent(Unsent::NotSent(reason))),
         CanFailure::TooLong => Answer::Error(Error::Memory),
     }
 }
@@ -199,12 +209,15 @@ fn abort(failure: CanFailure) -> Abort {
 }
 
 /// The number of a reason not to send something.
-pub(super) fn unsent(reason: Reason) -> Error {
-    match reason {
-        Reason::Unmapped => Error::Net,
-        Reason::QueueFull => Error::Memory,
-        Reason::Expired => Error::TimeOut,
-        Reason::Resting(_) | Reason::Stopped | Reason::Line(_) => Error::State,
-        Reason::LineDown => Error::BusOff,
+pub(super) const fn unsent(why: Unsent) -> Error {
+    match why {
+        Unsent::NotSent(Reason::Unmapped) => Error::Net,
+        Unsent::NotSent(Reason::QueueFull) => Error::Memory,
+        Unsent::NotSent(Reason::Expired) => Error::TimeOut,
+        Unsent::NotSent(Reason::LineDown) => Error::BusOff,
+        Unsent::NotSent(Reason::Resting(_) | Reason::Stopped | Reason::Line(_))
+        | Unsent::Full
+        | Unsent::Gone
+        | Unsent::Refused(_) => Error::State,
     }
 }

@@ -14,7 +14,6 @@ use super::super::inbox::Inbox;
 use super::super::lines::Reply;
 use super::super::{End, send};
 use super::{Client, Last, Task, Work};
-use crate::desk::Permits;
 
 impl Client<'_> {
     /// The bus of frames: the network that the client has set, or the first one.
@@ -43,9 +42,6 @@ impl Client<'_> {
         match (puente_frametext::parse(text), self.frame_bus()) {
             (Err(mistake), _) => refuse(reply, mistake.code(), mistake),
             (Ok(_), None) => refuse(reply, "unknown-bus", "there is no CANopen bus"),
-            (Ok(_), _) if self.guest.stop_only => {
-                refuse(reply, "full", "all places are taken; only stop and disable are served")
-            }
             (Ok(frame), Some(bus)) => Some(Task { bus, work: Work::Frame(whole(frame)) }),
         }
     }
@@ -58,10 +54,11 @@ impl Client<'_> {
         bus: u8,
         frame: &Frame,
     ) -> Result<(), End> {
-        let sending = pin!(self.gateway.desk.send_frame(self.guest.seat, bus, frame, Permits::new(), false));
-        if let Err(reason) = Self::during(inbox, sending).await? {
-            let mut line = String::<160>::new();
-            let _ = write!(line, "error not-sent not sent: {reason}\r\n");
+        let gone = inbox.ended();
+        let sending = pin!(self.gateway.send_frame(self.guest, gone, bus, frame));
+        if let Err(why) = Self::during(inbox, sending).await? {
+            let mut line = String::<192>::new();
+            let _ = write!(line, "error {} {why}\r\n", why.code());
             send(writer, line.as_bytes()).await?;
         }
         Ok(())

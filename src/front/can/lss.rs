@@ -12,7 +12,10 @@ use puente_cia309::reply::Answer;
 
 use super::super::inbox::Inbox;
 use super::super::{End, send};
+use super::cia309::unsent;
+use super::raw::Unsent;
 use super::{Client, say};
+use crate::desk::LssFailure;
 
 /// Highest node-ID.
 const LAST_NODE: u8 = 127;
@@ -69,11 +72,14 @@ impl Client<'_> {
         bus: u8,
         command: lss::Command,
     ) -> Result<Result<Outcome, Error>, End> {
+        if let Err(why) = self.gateway.may_configure(self.guest, inbox.ended(), bus) {
+            return Ok(Err(unsent(why)));
+        }
         let service = pin!(self.gateway.desk.lss(self.guest.seat, bus, command));
         let done = Self::during(inbox, service).await?;
         Ok(done.map_err(|failure| match failure {
-            crate::desk::LssFailure::NotSent(reason) => super::cia309::unsent(reason),
-            crate::desk::LssFailure::Lss(failure) => error(command, failure),
+            LssFailure::NotSent(reason) => unsent(Unsent::NotSent(reason)),
+            LssFailure::Lss(failure) => error(command, failure),
         }))
     }
 

@@ -5,6 +5,7 @@ mod frames;
 mod led;
 mod lss;
 mod news;
+mod raw;
 pub(super) mod slcan;
 pub(super) mod socketcand;
 
@@ -130,9 +131,8 @@ impl<'g> Client<'g> {
     }
 
     fn begin(&mut self, bus: Option<u8>, command: Command<'_>) -> Result<Begun, Error> {
-        // Who has come without a place may stop.
-        if self.guest.stop_only && !matches!(command, Command::Nmt(nmt::Command::Stop, _) | Command::Help(_))
-        {
+        // A place that is kept for stops; what of NMT is one is judged later.
+        if self.guest.stop_only && !matches!(command, Command::Nmt(..) | Command::Help(_)) {
             return Err(Error::State);
         }
         let (action, left) = match command {
@@ -185,7 +185,7 @@ impl<'g> Client<'g> {
                         .await
                 }
                 Action::Nmt(command, node) => {
-                    let answer = self.nmt(task.bus, command, node);
+                    let answer = self.nmt(inbox.ended(), task.bus, command, node);
                     say(writer, sequence, answer).await
                 }
                 Action::Lss(command) => self.lss(inbox, writer, task.bus, sequence, command).await,

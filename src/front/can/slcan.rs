@@ -9,7 +9,7 @@ use puente_slcan::{Command, Flags, Lines, Reply};
 use super::super::inbox::Inbox;
 use super::super::{End, Gateway, Guest, idle, send};
 use crate::clock;
-use crate::desk::{CanFollower, Heard, Lost, Origin, Permits, What};
+use crate::desk::{CanFollower, Heard, Lost, Origin, What};
 use crate::port::CanState;
 use crate::settings::ClientFrames;
 
@@ -58,7 +58,7 @@ impl Adapter<'_> {
                 inbox.consume(1);
                 if let Some((_, line)) = lines.push(byte) {
                     let command = line.and_then(|line| Command::parse(line).ok());
-                    let reply = self.obey(command).await;
+                    let reply = self.obey(inbox.ended(), command).await;
                     send(writer, &reply.emit()).await?;
                 }
             }
@@ -75,7 +75,7 @@ impl Adapter<'_> {
         }
     }
 
-    async fn obey(&mut self, command: Option<Command>) -> Reply {
+    async fn obey(&mut self, gone: bool, command: Option<Command>) -> Reply {
         let settings = self.gateway.settings.buses.get(usize::from(self.bus)).and_then(|bus| bus.canopen());
         match command {
             Some(Command::Nothing | Command::Code(_) | Command::Mask(_)) => Reply::Done,
@@ -100,11 +100,10 @@ impl Adapter<'_> {
             }
             Some(Command::Send(frame)) => {
                 let allowed = settings.is_some_and(|bus| bus.client_frames == ClientFrames::Write);
-                if !allowed || self.mute || self.follower.is_none() || self.guest.stop_only {
+                if !allowed || self.mute || self.follower.is_none() {
                     return Reply::Refused;
                 }
-                let desk = self.gateway.desk;
-                match desk.send_frame(self.guest.seat, self.bus, &frame, Permits::new(), false).await {
+                match self.gateway.send_frame(self.guest, gone, self.bus, &frame).await {
                     Ok(()) => Reply::Taken { extended: matches!(frame.id(), Id::Extended(_)) },
                     Err(_) => Reply::Refused,
                 }

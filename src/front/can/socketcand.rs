@@ -11,7 +11,7 @@ use super::super::inbox::Inbox;
 use super::super::{End, Gateway, Guest, idle, send};
 use super::slcan::heard;
 use crate::clock;
-use crate::desk::{CanFollower, Heard, Lost, Origin, Permits, What};
+use crate::desk::{CanFollower, Heard, Lost, Origin, What};
 use crate::settings::ClientFrames;
 
 /// Identifiers that a client may subscribe to.
@@ -61,7 +61,7 @@ impl Client<'_> {
                 inbox.consume(1);
                 if let Some(text) = texts.push(byte) {
                     let answer = match text.map(Request::parse) {
-                        Some(Ok(request)) => self.obey(request).await,
+                        Some(Ok(request)) => self.obey(inbox.ended(), request).await,
                         _ => Some(Message::UNKNOWN),
                     };
                     if let Some(answer) = answer {
@@ -82,7 +82,7 @@ impl Client<'_> {
         }
     }
 
-    async fn obey(&mut self, request: Request<'_>) -> Option<Message<'static>> {
+    async fn obey(&mut self, gone: bool, request: Request<'_>) -> Option<Message<'static>> {
         Some(match request {
             Request::Open(name) => match self.named(name) {
                 Some(bus) => {
@@ -98,7 +98,7 @@ impl Client<'_> {
                 self.raw = request == Request::RawMode;
                 Message::Ok
             }
-            Request::Send(frame) => return self.send(&frame).await.err(),
+            Request::Send(frame) => return self.send(gone, &frame).await.err(),
             Request::Subscribe { id, micros } => {
                 self.subscriptions.retain(|known| known.id != id);
                 let subscription = Subscription { id, micros, last: None };
@@ -125,14 +125,14 @@ impl Client<'_> {
     }
 
     /// Sends a frame, or tells why not.
-    async fn send(&self, frame: &Frame) -> Result<(), Message<'static>> {
+    async fn send(&self, gone: bool, frame: &Frame) -> Result<(), Message<'static>> {
         let buses = &self.gateway.settings.buses;
         let bus = self.bus.ok_or(Message::NO_BUS)?;
         let canopen = buses.get(usize::from(bus)).and_then(|bus| bus.canopen());
-        if canopen.is_none_or(|bus| bus.client_frames != ClientFrames::Write) || self.guest.stop_only {
+        if canopen.is_none_or(|bus| bus.client_frames != ClientFrames::Write) {
             return Err(Message::Error("the bus is read-only"));
         }
-        let sent = self.gateway.desk.send_frame(self.guest.seat, bus, frame, Permits::new(), false).await;
+        let sent = self.gateway.send_frame(self.guest, gone, bus, frame).await;
         sent.map_err(|_| Message::Error("not sent"))
     }
 

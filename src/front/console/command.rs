@@ -11,6 +11,7 @@ use puente_drives::pid::{BadGain, Gains};
 
 use super::super::dictionary::{Named, named};
 use super::super::objects;
+use crate::axis::group::Goal;
 use crate::axis::{Course, cia402};
 
 /// A command.
@@ -23,6 +24,9 @@ pub(super) enum Command<'a> {
     Buses,
     Axis(&'a str, AxisCommand),
     Bus(&'a str, BusCommand),
+    GroupStatus,
+    /// Of axes, by their names with commas between them.
+    Group(&'a str, GroupCommand),
     Nodes(&'a str),
     Node(&'a str, NodeId, NodeCommand<'a>),
 }
@@ -50,6 +54,14 @@ pub(in crate::front) enum AxisCommand {
     Gains(Gains),
     Get(Parameter),
     Set(Parameter, u16),
+}
+
+/// What the axes of a group are to do, together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::front) enum GroupCommand {
+    Start(Goal),
+    Stop,
+    Disable,
 }
 
 /// What a bus is to do.
@@ -136,13 +148,18 @@ impl fmt::Display for Shown<'_> {
 impl Command<'_> {
     /// Whether it stops an axis, which everyone may at any time.
     pub(super) fn stops(&self) -> bool {
-        matches!(self, Command::Axis(_, AxisCommand::Stop | AxisCommand::Disable | AxisCommand::Jog(0)))
+        matches!(
+            self,
+            Command::Axis(_, AxisCommand::Stop | AxisCommand::Disable | AxisCommand::Jog(0))
+                | Command::Group(_, GroupCommand::Stop | GroupCommand::Disable)
+        )
     }
 
     /// Whether it moves an axis.
     pub(super) fn moves(&self) -> bool {
         match self {
             Command::Axis(_, AxisCommand::Jog(rpm)) => *rpm != 0,
+            Command::Group(_, command) => matches!(command, GroupCommand::Start(_)),
             Command::Axis(_, command) => matches!(
                 command,
                 AxisCommand::Move(_)
@@ -185,6 +202,8 @@ pub(super) fn parse(line: &[u8]) -> Result<Command<'_>, Mistake<'_>> {
         ("system", []) => Ok(Command::System),
         ("axis", []) => Ok(Command::Axes),
         ("bus", []) => Ok(Command::Buses),
+        ("group", [] | ["status"]) => Ok(Command::GroupStatus),
+        ("group", [names, rest @ ..]) => Ok(Command::Group(names, group(rest)?)),
         ("axis", [name, rest @ ..]) => Ok(Command::Axis(name, axis(rest)?)),
         ("bus", [name, rest @ ..]) => Ok(Command::Bus(name, bus(rest)?)),
         ("node", [bus]) => Ok(Command::Nodes(bus)),
@@ -227,6 +246,21 @@ fn axis<'a>(words: &[&'a str]) -> Result<AxisCommand, Mistake<'a>> {
         }
         _ => Err(Mistake::Usage(AXIS)),
     }
+}
+
+fn group<'a>(words: &[&'a str]) -> Result<GroupCommand, Mistake<'a>> {
+    Ok(match words {
+        ["enable"] => GroupCommand::Start(Goal::Enabled),
+        ["home"] => GroupCommand::Start(Goal::Homed),
+        ["start", mode] => GroupCommand::Start(Goal::In(cia402::mode(mode).ok_or(Mistake::Mode(mode))?)),
+        ["stop"] => GroupCommand::Stop,
+        ["disable"] => GroupCommand::Disable,
+        _ => {
+            return Err(Mistake::Usage(
+                "group [status]|group NAME,NAME... enable|home|start MODE|stop|disable",
+            ));
+        }
+    })
 }
 
 fn number<T: FromStr>(text: &str) -> Result<T, Mistake<'_>> {

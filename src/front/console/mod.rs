@@ -16,18 +16,19 @@ use puente_modules::Decimal;
 use super::lines::Reply;
 use super::system::System;
 use super::{Gateway, Guest};
+use crate::axis::group::Set;
 use crate::axis::{AxisError, Commander, Known, Snapshot};
 use crate::clock;
 use crate::desk::{Class, Failure, Order, Units};
 use crate::port;
 use crate::settings::Name;
-use command::{AxisCommand, BusCommand, Command, Mistake};
+use command::{AxisCommand, BusCommand, Command, GroupCommand, Mistake};
 
 const HELP: &str = "ok commands=\"help; axis; axis NAME status|enable|disable|stop|clear; \
 EDB: axis NAME jog RPM; axis NAME alarm; axis NAME get PnNNN; axis NAME set PnNNN VALUE; \
 PID: axis NAME move POSITION; axis NAME gains KP KI KD; \
 CiA 402: axis NAME move POSITION [VELOCITY]; axis NAME home [METHOD]; axis NAME velocity V; axis NAME torque PERMILLE; \
-axis NAME mode MODE; \
+axis NAME mode MODE; group; group NAME,NAME enable|home|start MODE|stop|disable; \
 bus; bus NAME status; bus NAME scan FIRST-LAST; \
 node BUS [ID status|emcy|start|stop|preop|reset|reset-communication|\
 read INDEX:SUB [TYPE]|write INDEX:SUB VALUE [TYPE]]; system; feed\"";
@@ -39,6 +40,8 @@ const NO_SCAN: &str =
 pub(super) enum Task {
     /// To an axis, by its number.
     Axis(u8, AxisCommand),
+    /// To several axes.
+    Group(Set, GroupCommand),
     /// To a bus, by its number: find the units from the first to the last.
     Scan(u8, (u8, u8)),
     /// To a node of a CANopen bus.
@@ -98,6 +101,14 @@ fn resolve(
             Ok(id) => return Ok(Task::Axis(id, command)),
             Err(unknown) => return Err(error(reply, unknown.code(), unknown)),
         },
+        Command::GroupStatus => status::group(gateway, reply),
+        Command::Group(names, command) => {
+            let find = |set: Set, name| gateway.axes.find(name).map(|id| set.with(id));
+            match names.split(',').try_fold(Set::default(), find) {
+                Ok(set) => return Ok(Task::Group(set, command)),
+                Err(unknown) => return Err(error(reply, unknown.code(), unknown)),
+            }
+        }
         Command::Bus(name, command) => match (gateway.settings.bus(name), command) {
             (Some(bus), BusCommand::Scan(units)) => {
                 match gateway.settings.buses.get(usize::from(bus)).and_then(|bus| bus.modbus()) {
@@ -116,6 +127,8 @@ fn resolve(
 pub(super) enum Outcome {
     /// Of an axis, by its number.
     Axis(u8, Result<Answer, AxisError>),
+    /// Of several axes.
+    Group(Result<(), AxisError>),
     /// Of the search for units from the first to the last on a bus, by its number.
     Scan(u8, (u8, u8), Result<Units, (u8, Failure)>),
     /// Of a node of a CANopen bus.
@@ -145,6 +158,7 @@ pub(super) enum Answer {
 pub(super) async fn finish(gateway: &Gateway, guest: Guest, task: &mut Task) -> Outcome {
     match task {
         Task::Axis(id, command) => Outcome::Axis(*id, axis(gateway, guest.commander(), *id, *command).await),
+        Task::Group(set, command) => Outcome::Group(group(gateway, guest.commander(), *set, *command).await),
         Task::Scan(bus, units) => Outcome::Scan(*bus, *units, scan(gateway, guest, *bus, *units).await),
         Task::Node(task) => Outcome::Node(node::finish(gateway, task).await),
     }
@@ -164,6 +178,10 @@ pub(super) fn tell(gateway: &Gateway, outcome: &Outcome, reply: &mut Reply) {
                     error(reply, failed.code(), format_args!("axis {name}: {failed}"));
                 }
             }
+        }
+        Outcome::Group(Ok(())) => status::group(gateway, reply),
+        Outcome::Group(Err(failed)) => {
+            error(reply, failed.code(), failed);
         }
         Outcome::Scan(bus, (first, last), Ok(found)) => {
             let name = gateway.settings.buses.get(usize::from(*bus)).map_or("", |bus| bus.name.as_str());
@@ -314,6 +332,14 @@ fn tell_answer(gateway: &Gateway, id: u8, answer: &Answer, reply: &mut Reply) {
                 say(reply, format_args!(" alarm={number}"));
             }
         }
+    }
+}
+
+async fn group(gateway: &Gateway, by: Commander, set: Set, command: GroupCommand) -> Result<(), AxisError> {
+    match command {
+        GroupCommand::Start(goal) => gateway.axes.start_group(set, by, goal),
+        GroupCommand::Stop => gateway.axes.stop_group(set, by, false).await,
+        GroupCommand::Disable => gateway.axes.stop_group(set, by, true).await,
     }
 }
 

@@ -46,6 +46,36 @@ pub(super) fn axis(gateway: &Gateway, id: u8, snapshot: &Snapshot, reply: &mut R
     }
 }
 
+/// The group that is on its way, or the last one: how far it is, and who holds it up.
+pub(super) fn group(gateway: &Gateway, reply: &mut Reply) {
+    let axes = &gateway.axes;
+    let name = |id| axes.get(id).map_or("?", |axis| axis.name.as_str());
+    let Some(run) = axes.group() else { return say(reply, format_args!("ok group=none")) };
+    say(reply, format_args!("ok group="));
+    super::separated(reply, run.axes.iter().map(name));
+    match run.failed {
+        Some((id, error)) => {
+            let stage = run.stage.name();
+            say(
+                reply,
+                format_args!(
+                    " stage=failed in={stage} axis={} code={} why=\"{error}\"",
+                    name(id),
+                    error.code()
+                ),
+            );
+        }
+        None => {
+            say(reply, format_args!(" stage={}", run.stage.name()));
+            if run.goes_on() {
+                say(reply, format_args!(" awaits="));
+                super::separated(reply, axes.awaited(&run).map(name));
+                say(reply, format_args!(" by=\"{}\"", run.by.holder));
+            }
+        }
+    }
+}
+
 fn edb(now: Instant, snapshot: &edb::Snapshot, known: &edb::Known, reply: &mut Reply) {
     let edb::Snapshot { at, status, monitor } = snapshot;
     say(reply, format_args!(" status={:04X} flags={status}", status.0));

@@ -160,7 +160,7 @@ const fn axis_status(error: &AxisError) -> Status {
         AxisError::UnknownAxis | AxisError::Unsupported(_) => status::NOT_FOUND,
         AxisError::Leased(_) | AxisError::NotEnabled | AxisError::Alarm(_) => status::CONFLICT,
         AxisError::Fault(_) | AxisError::Refused(_) | AxisError::NoGains => status::CONFLICT,
-        AxisError::DriveFault(_) | AxisError::Drive(..) => status::CONFLICT,
+        AxisError::DriveFault(_) | AxisError::Drive(..) | AxisError::Group => status::CONFLICT,
         AxisError::Node(_) => status::SERVICE_UNAVAILABLE,
         AxisError::Range { .. } | AxisError::GainDigits => status::BAD_REQUEST,
         AxisError::Failure(Failure::NotSent(_)) => status::SERVICE_UNAVAILABLE,

@@ -20,9 +20,9 @@ pub const FRAMED: usize = 1;
 /// CANopen buses: CAN 1 and 2.
 pub const CANOPEN: usize = 2;
 /// Nodes of a CANopen bus that are booted and watched.
-pub const MEMBERS: usize = 12;
+pub const MEMBERS: usize = 10;
 /// Those of them that are drives.
-pub const DRIVES: usize = 6;
+pub const DRIVES: usize = 4;
 /// Nodes of a CANopen bus with which there is an SDO transfer at once; the others wait.
 pub const CHANNELS: usize = 3;
 /// SDO transfers of clients under way at once, on all CANopen buses.

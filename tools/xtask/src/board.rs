@@ -49,7 +49,7 @@ pub const BOARDS: &[Board] = &[
     Board {
         name: "nucleo-h753zi",
         program: Program::Gateway,
-        budget: Some(Budget { flash: 448 * 1024, ram: 172 * 1024 }),
+        budget: Some(Budget { flash: 704 * 1024, ram: 216 * 1024 }),
     },
     Board { name: "nucleo-f767zi", program: Program::Gateway, budget: None },
     Board {

@@ -1,10 +1,12 @@
 //! `cargo xtask emulate`: the firmware on an emulated board, with the simulated cell on its line.
 
 use std::fs;
-use std::io::{BufRead, BufReader};
-use std::net::SocketAddr;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpStream};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
 
 use puente_emulator::{Emulator, QEMU, Setup, tie};
 
@@ -16,6 +18,9 @@ use crate::firmware;
 
 /// How a test file begins that has nothing to do on a board; the reason follows.
 const HOST_ALONE: &str = "//! Host alone: ";
+
+/// How long a new start may take.
+const ANEW: Duration = Duration::from_secs(10);
 
 /// The ports that the gateway has on a PC.
 const PORTS: [u16; 2] = [8080, 8502];
@@ -114,4 +119,36 @@ impl Drop for Cell {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+}
+
+/// Gives the board other settings, and waits until it has started with them: until they say `word`.
+pub fn configure(board: SocketAddr, settings: &str, word: &str) -> Outcome {
+    let head =
+        format!("PUT /api/config HTTP/1.1\r\nHost: board\r\nContent-Length: {}\r\n\r\n", settings.len());
+    let put = ask(board, &(head + settings))?;
+    if !put.starts_with("HTTP/1.1 200") {
+        return Err(format!("PUT /api/config: {put}"));
+    }
+    let deadline = Instant::now() + ANEW;
+    while Instant::now() < deadline {
+        thread::sleep(Duration::from_millis(50));
+        let get = ask(board, "GET /api/config HTTP/1.1\r\nHost: board\r\n\r\n");
+        if get.is_ok_and(|reply| reply.contains(word)) {
+            return Ok(());
+        }
+    }
+    Err("the board does not start with other settings".into())
+}
+
+/// What the board says to a request, as far as it comes with the first segment.
+fn ask(board: SocketAddr, request: &str) -> Result<String, String> {
+    let ask = || {
+        let mut stream = TcpStream::connect(board)?;
+        stream.set_read_timeout(Some(ANEW))?;
+        stream.write_all(request.as_bytes())?;
+        let mut reply = [0; 2048];
+        let length = stream.read(&mut reply)?;
+        Ok(String::from_utf8_lossy(&reply[..length]).into_owned())
+    };
+    ask().map_err(|error: std::io::Error| format!("{board}: {error}"))
 }

@@ -88,18 +88,17 @@ proptest! {
         };
         let mut rig = Rig::new(&axes, Duration::from_millis(sync)).boot();
         for event in events {
-            let mut moves = [false; 2];
             match event {
                 Event::Order(place, order) => rig.set(place, order),
                 Event::Run(time) => {
                     for _ in 0..time {
-                        moves = [0, 1].map(|place| matches!(rig.master.order(place), Order::Move(_)));
+                        let moves = [0, 1].map(|place| matches!(rig.master.order(place), Order::Move(_)));
                         rig.sent.clear();
                         rig.run_ms(1);
                         for (_, frame) in &rig.sent {
-                            for place in 0..2 {
-                                let Some(word) = word(frame, 2 + place as u8) else { continue };
-                                prop_assert!(word & 0x10 == 0 || moves[place], "{word:04X}");
+                            for (node, moves) in (2..).zip(moves) {
+                                let Some(word) = word(frame, node) else { continue };
+                                prop_assert!(word & 0x10 == 0 || moves, "{word:04X}");
                                 prop_assert!(word & 0x108 != 0x100, "a halt without current: {word:04X}");
                             }
                         }
@@ -119,7 +118,6 @@ proptest! {
             for (place, device) in rig.devices.iter().enumerate() {
                 prop_assert!(!device.jumps, "{place}: {:X?}", device.words);
             }
-            let _ = moves;
         }
     }
 

@@ -13,6 +13,9 @@ use super::node::{Model, Node};
 /// Events that are kept; the oldest go first.
 const LOG: usize = 4_096;
 
+/// So often nodes may ask to be polled at the same time while nothing happens on the bus.
+const IDLE_POLLS: u32 = 10_000;
+
 /// A simulated node.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriveConfig {
@@ -193,13 +196,21 @@ impl Cell {
     /// Lets everything happen that is due by `now`, each at its own moment.
     pub fn run(&mut self, now: Instant) {
         let now = self.now.max(now);
+        let mut idle = 0;
         loop {
             // Nodes first: who wants to send at a moment takes part in the arbitration of that moment.
             let node = self.nodes_at().filter(|at| *at <= now);
             let bus = self.bus.poll_at().filter(|at| *at <= now);
             match (node, bus) {
-                (Some(at), bus) if bus.is_none_or(|bus| at <= bus) => self.poll_nodes(self.now.max(at)),
-                (_, Some(at)) => self.step(self.now.max(at)),
+                (Some(at), bus) if bus.is_none_or(|bus| at <= bus) => {
+                    idle = if at > self.now { 0 } else { idle + 1 };
+                    assert!(idle < IDLE_POLLS, "a node asks to be polled again and again at {at:?}");
+                    self.poll_nodes(self.now.max(at));
+                }
+                (_, Some(at)) => {
+                    idle = 0;
+                    self.step(self.now.max(at));
+                }
                 _ => break,
             }
         }

@@ -3,4 +3,5 @@
 mod bench;
 mod bus;
 mod modes;
+mod nodes;
 mod states;

@@ -158,3 +158,45 @@ fn a_reset_under_current_is_an_alarm_of_the_lexium() {
         assert_eq!((bench.drive(2).state(), bench.drive(3).state()), (State::Fault, SwitchOnDisabled));
     }
 }
+
+/// Thesis, 6.4.2 and 6.4.3, over PDOs 1 to 3. What its traces leave out is in brackets: settled after a change of mode, the
+/// search, and home complete, where they end with home attained.
+#[test]
+fn homing_and_two_targets_as_in_the_thesis() {
+    let mut bench = Bench::new([lexium(2)]);
+    for (parameter, cob_id) in [(0x1400, 0x202_u32), (0x1401, 0x302), (0x1402, 0x402), (0x1800, 0x182)] {
+        bench.write(2, parameter, 1, &(0x4000_0000 | cob_id).to_le_bytes());
+    }
+    bench.put(2, object::HOMING_METHOD, 21);
+    bench.nmt(puente_canopen::nmt::Command::Start, 2);
+    for word in [0x06, 0x07, 0x0F] {
+        bench.say(0x202, &[word, 0]);
+        bench.run(50);
+    }
+    let words = |bench: &mut Bench| -> Vec<u16> {
+        bench.take(0x182).iter().map(|data| u16::from_le_bytes([data[0], data[1]])).collect()
+    };
+    words(&mut bench);
+    bench.say(0x302, &[0x0F, 0, 6]);
+    bench.run(50);
+    assert_eq!(words(&mut bench), [0x0237, 0x0637], "homing mode [settled]");
+    bench.say(0x202, &[0x1F, 0]);
+    bench.run(10_000);
+    assert_eq!(words(&mut bench), [0x0237, 0x9237, 0x9637], "[it searches], home attained, [complete]");
+    bench.say(0x302, &[0x0F, 0, 1]);
+    bench.run(50);
+    assert_eq!(words(&mut bench), [0x8237, 0x8637], "profile position");
+    bench.say(0x202, &[0x1F, 0]);
+    bench.run(8_000);
+    words(&mut bench);
+    for target in [0x0050_4030_u32, 0x0010_2030] {
+        let [a, b, c, d] = target.to_le_bytes();
+        bench.say(0x402, &[0x0F, 0, a, b, c, d]);
+        bench.run(50);
+        assert_eq!(words(&mut bench), [0x8637]);
+        bench.say(0x202, &[0x1F, 0]);
+        bench.run(8_000);
+        assert_eq!(words(&mut bench), [0x9237, 0x9637], "under way, arrived");
+        assert_eq!(bench.get(2, object::POSITION), i64::from(target));
+    }
+}

@@ -2,7 +2,7 @@
 //! `cargo xtask bench modbus > docs/bench.md`.
 //!
 //! `modbus`: the gateway and the simulated cell run as programs of their own, built for release. `csma`, `framed` and
-//! `canopen`: virtual time.
+//! `canopen`: virtual time. `sync`: the gateway on the host, and the firmware on the emulated board, in real time.
 
 mod canopen;
 mod client;
@@ -12,6 +12,7 @@ mod machine;
 mod modbus;
 mod programs;
 mod samples;
+mod sync;
 
 use crate::Outcome;
 
@@ -21,7 +22,8 @@ pub fn run(arguments: &[String]) -> Outcome {
         [what] if what == "csma" => csma::run(),
         [what] if what == "framed" => framed::run(),
         [what] if what == "canopen" => canopen::run(),
-        [] => Err("say what to measure: modbus, csma, framed, canopen".into()),
-        [word, ..] => Err(format!("unknown: {word}; there are: modbus, csma, framed, canopen")),
+        [what] if what == "sync" => sync::run(),
+        [] => Err("say what to measure: modbus, csma, framed, canopen, sync".into()),
+        [word, ..] => Err(format!("unknown: {word}; there are: modbus, csma, framed, canopen, sync")),
     }
 }

@@ -34,7 +34,7 @@ pub fn run() -> Outcome {
     }
 }
 
-fn build() -> Result<Bench, String> {
+pub fn build() -> Result<Bench, String> {
     let packages = ["--package", "puente", "--package", "cell"];
     run_command(cargo().args(["build", "--release", "--quiet", "--bins"]).args(packages))?;
     let target = target_dir()?;

@@ -73,7 +73,7 @@ impl Cell {
     }
 }
 
-/// The gateway with one RTU bus at 115200 8E1.
+/// The gateway with one bus.
 pub struct Gateway {
     _running: Running,
     /// Its port for Modbus/TCP.
@@ -81,13 +81,19 @@ pub struct Gateway {
 }
 
 impl Gateway {
+    /// With an RTU bus at 115200 8E1.
     pub fn start(bench: &Bench, line: &Path) -> Result<Self, String> {
-        let settings = bench.scratch.join("gateway.toml");
-        let text = format!(
-            "[net]\nport = 0\nmodbus_port = 0\nclients = 40\n\
-             [[bus]]\nname = \"a\"\nprotocol = \"modbus-rtu\"\nport = \"{}\"\nbaud = 115200\nformat = \"8E1\"\n",
-            line.display()
+        let (name, line) = ("modbus-rtu", line.display());
+        let bus = format!(
+            "[[bus]]\nname = \"a\"\nprotocol = \"{name}\"\nport = \"{line}\"\nbaud = 115200\nformat = \"8E1\"\n"
         );
+        Self::with(bench, &bus)
+    }
+
+    /// With this bus.
+    pub fn with(bench: &Bench, bus: &str) -> Result<Self, String> {
+        let settings = bench.scratch.join("gateway.toml");
+        let text = format!("[net]\nport = 0\nmodbus_port = 0\nclients = 40\n{bus}");
         fs::write(&settings, text).map_err(|error| format!("{}: {error}", settings.display()))?;
         let mut command = Command::new(bench.programs.join("gateway"));
         let (running, ready) = Running::start(command.arg("--config").arg(&settings))?;

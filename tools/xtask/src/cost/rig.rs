@@ -1,8 +1,6 @@
 //! The emulated board with a counter of its instructions, and the simulated cell on its line.
 
 use std::fs::File;
-use std::io::{Read, Write};
-use std::net::{SocketAddr, TcpStream};
 use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 use std::process::Command;
@@ -11,7 +9,6 @@ use std::time::{Duration, Instant};
 
 use puente_emulator::{Emulator, QEMU, Setup};
 
-use crate::Outcome;
 use crate::command::{cargo, run as run_command, target_dir};
 use crate::cross::Cross;
 use crate::emulate::{self, Cell};
@@ -19,8 +16,6 @@ use crate::firmware;
 
 /// The firmware has work of its own after its start: an address, the first probes.
 const START: Duration = Duration::from_secs(2);
-/// How long a new start may take.
-const ANEW: Duration = Duration::from_secs(10);
 /// The factory settings but for the line, which is Modbus RTU at 115200 8E1.
 const SETTINGS: &str = r#"{"net":{"port":80,"modbus_port":502},
 "bus":[{"name":"a","protocol":"modbus-rtu","port":"rs485-a","baud":115200,"format":"8E1"}],
@@ -50,7 +45,7 @@ impl Rig {
         let plugin = format!("{},counts={}", library.display(), counts.display());
         let setup = Setup { plugin: Some(plugin), ..Setup::new(&image, cell.line) };
         let board = Emulator::start(&setup, |_| {})?;
-        configure(board.main)?;
+        emulate::configure(board.main, SETTINGS, "modbus-rtu")?;
         thread::sleep(START);
         let counts = File::open(&counts).map_err(|error| format!("{}: {error}", counts.display()))?;
         Ok(Self { board, image, counts, _cell: cell })
@@ -92,38 +87,6 @@ pub fn plugin() -> Result<PathBuf, String> {
     plugin.args(["build", "--package", "puente-instructions", "--release", "--quiet"]);
     run_command(plugin.env("QEMU_PLUGIN_VERSION", interface(&emulator()?)))?;
     Ok(target_dir()?.join("release/libpuente_instructions.so"))
-}
-
-/// Gives the board a line as it is common with Modbus, and waits for its new start.
-fn configure(board: SocketAddr) -> Outcome {
-    let head =
-        format!("PUT /api/config HTTP/1.1\r\nHost: board\r\nContent-Length: {}\r\n\r\n", SETTINGS.len());
-    let put = ask(board, &(head + SETTINGS))?;
-    if !put.starts_with("HTTP/1.1 200") {
-        return Err(format!("PUT /api/config: {put}"));
-    }
-    let deadline = Instant::now() + ANEW;
-    while Instant::now() < deadline {
-        thread::sleep(Duration::from_millis(50));
-        let get = ask(board, "GET /api/config HTTP/1.1\r\nHost: board\r\n\r\n");
-        if get.is_ok_and(|reply| reply.contains("modbus-rtu")) {
-            return Ok(());
-        }
-    }
-    Err("the board does not start with other settings".into())
-}
-
-/// What the board says to a request, as far as it comes with the first segment.
-fn ask(board: SocketAddr, request: &str) -> Result<String, String> {
-    let ask = || {
-        let mut stream = TcpStream::connect(board)?;
-        stream.set_read_timeout(Some(ANEW))?;
-        stream.write_all(request.as_bytes())?;
-        let mut reply = [0; 2048];
-        let length = stream.read(&mut reply)?;
-        Ok(String::from_utf8_lossy(&reply[..length]).into_owned())
-    };
-    ask().map_err(|error: std::io::Error| format!("{board}: {error}"))
 }
 
 /// The compiler of the firmware.

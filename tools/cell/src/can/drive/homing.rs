@@ -125,7 +125,7 @@ impl Drive {
             Some(legs) => {
                 self.homing.legs = legs;
                 self.homing.phase = Phase::Search;
-                (self.reached, self.in_window) = (false, None);
+                self.leave_window();
             }
         }
     }

@@ -94,6 +94,8 @@ pub struct Drive {
     /// Since when it is where it should be, and whether for long enough.
     in_window: Option<Instant>,
     reached: bool,
+    /// Whether it is there has not been looked at yet.
+    unsettled: bool,
     /// Since when it is too far from its demand.
     astray: Option<Instant>,
 }
@@ -132,6 +134,7 @@ impl Drive {
             limited: false,
             in_window: None,
             reached: false,
+            unsettled: false,
             astray: None,
             axis,
         };
@@ -217,7 +220,7 @@ impl Drive {
         let torques = [self.torque, self.target_torque, self.axis.actual.velocity];
         let pushed = self.mode_is_torque() && torques.iter().any(|torque| *torque != 0.0);
         let still = self.stands() && self.axis.actual == self.course.end();
-        let settled = self.reached || self.in_window.is_none();
+        let settled = !self.unsettled && (self.reached || self.in_window.is_none());
         quiet && !pushed && still && settled && self.next.is_none() && !self.acknowledgement_pends()
     }
 

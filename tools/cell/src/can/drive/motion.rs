@@ -38,7 +38,7 @@ impl Drive {
     pub(super) fn forget_set_points(&mut self) {
         (self.set_point, self.next, self.acknowledged, self.active) = (None, None, false, false);
         (self.torque, self.target_torque) = (0.0, 0.0);
-        (self.reached, self.in_window) = (false, None);
+        self.leave_window();
     }
 
     pub(super) fn halted(&self) -> bool {
@@ -90,11 +90,11 @@ impl Drive {
         let quick = objects.value(drive::HALT_OPTION) > 1;
         let rate = if quick { drive::QUICK_STOP_DECELERATION } else { drive::PROFILE_DECELERATION };
         self.go(Course::stop(self.moving_point(), (objects.value(rate) as f64).max(1.0)));
-        (self.reached, self.in_window) = (false, None);
+        self.leave_window();
     }
 
     fn resume(&mut self, objects: &Objects) {
-        (self.reached, self.in_window) = (false, None);
+        self.leave_window();
         match self.mode {
             Mode::ProfilePosition => {
                 if let Some(set_point) = self.set_point {
@@ -127,7 +127,7 @@ impl Drive {
             return;
         }
         self.acknowledged = true;
-        (self.reached, self.in_window) = (false, None);
+        self.leave_window();
     }
 
     fn begin(&mut self, set_point: SetPoint) {
@@ -184,7 +184,7 @@ impl Drive {
         match self.mode {
             Mode::ProfileTorque | Mode::CyclicTorque => {
                 self.target_torque = objects.value(drive::TARGET_TORQUE) as f64 / 1_000.0;
-                (self.reached, self.in_window) = (false, None);
+                self.leave_window();
             }
             Mode::ProfileVelocity => self.turn_to(objects.value(drive::TARGET_VELOCITY) as f64, objects),
             Mode::CyclicPosition => {
@@ -208,7 +208,7 @@ impl Drive {
         let velocity = if self.is_barred(velocity, objects) { 0.0 } else { velocity.clamp(-most, most) };
         self.limited &= velocity == 0.0;
         if self.course.end().velocity != velocity || !self.is_there() {
-            (self.reached, self.in_window) = (false, None);
+            self.leave_window();
         }
         self.go(Course::to_velocity(self.demanded(), velocity, limits.acceleration, limits.deceleration));
     }

@@ -77,6 +77,11 @@ impl Drive {
         }
     }
 
+    /// Something else is to be reached from now on.
+    pub(super) fn leave_window(&mut self) {
+        (self.reached, self.in_window, self.unsettled) = (false, None, true);
+    }
+
     /// Target reached: within its window for its time.
     pub(super) fn watch_window(&mut self, objects: &Objects) {
         if self.enabling.is_some() || self.homing.is_running() {
@@ -84,9 +89,10 @@ impl Drive {
         }
         let (within, time) = self.is_within(objects);
         if self.state != State::OperationEnabled || !within {
-            (self.reached, self.in_window) = (false, None);
+            (self.reached, self.in_window, self.unsettled) = (false, None, false);
             return;
         }
+        self.unsettled = false;
         let since = *self.in_window.get_or_insert(self.now);
         self.reached |= self.now.since(since) >= Duration::from_millis(time as u64);
     }

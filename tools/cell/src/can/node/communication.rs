@@ -57,10 +57,7 @@ pub fn define(objects: &mut Objects, model: Model, id: NodeId, identity: Identit
         objects.number(0x1016, entry, U32, Write, 0);
     }
     objects.number(0x1017, 0, U16, Write, 0);
-    objects.count(0x1018, 4);
-    for part in Part::ALL {
-        objects.number(0x1018, part as u8 + 1, U32, Read, identity.part(part).into());
-    }
+    define_identity(objects, identity);
     objects.number(0x1019, 0, U8, Write, 0);
     objects.count(0x1029, 1);
     objects.number(0x1029, 1, U8, Write, 0);
@@ -70,6 +67,14 @@ pub fn define(objects: &mut Objects, model: Model, id: NodeId, identity: Identit
     for number in 1..=PDOS {
         pdo(objects, model, id, Direction::Receive, number);
         pdo(objects, model, id, Direction::Transmit, number);
+    }
+}
+
+/// Who the node says that it is.
+pub fn define_identity(objects: &mut Objects, identity: Identity) {
+    objects.count(0x1018, 4);
+    for part in Part::ALL {
+        objects.number(0x1018, part as u8 + 1, U32, Read, identity.part(part).into());
     }
 }
 

@@ -38,7 +38,8 @@ impl Guard {
     /// The heartbeat that is due.
     pub fn poll(&mut self, now: Instant, objects: &Objects, node: NodeId, state: State) -> Option<Frame> {
         let due = self.heartbeat.filter(|due| *due <= now)?;
-        self.heartbeat = Some(due + Duration::from_millis(objects.get(object::HEARTBEAT_TIME) as u64));
+        let period = Duration::from_millis(objects.get(object::HEARTBEAT_TIME) as u64);
+        self.heartbeat = (!period.is_zero()).then(|| due + period);
         Some(Sign { node, state, toggle: false }.frame())
     }
 

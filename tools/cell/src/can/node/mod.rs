@@ -132,9 +132,7 @@ impl Node {
             Fault::WrongToggle => self.guard.stuck = true,
             Fault::Identity(product) => {
                 self.identity.product = product;
-                let id = self.id.unwrap_or(NodeId::MAX);
-                communication::define(&mut self.objects, self.model, id, self.identity);
-                self.pdos.rebuild(now, &self.objects);
+                communication::define_identity(&mut self.objects, self.identity);
             }
             Fault::Emergencies(count) => {
                 for number in 0..count {

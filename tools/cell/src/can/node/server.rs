@@ -67,7 +67,10 @@ impl Server {
     }
 
     pub fn poll_at(&self, idle: bool) -> Option<Instant> {
-        let server = self.server.as_ref().filter(|server| !self.dead && (idle || !server.is_streaming()));
+        if self.dead {
+            return None;
+        }
+        let server = self.server.as_ref().filter(|server| idle || !server.is_streaming());
         let coming = self.coming.front().map(|(at, _)| *at);
         [server.and_then(sdo::Server::poll_at), coming].into_iter().flatten().min()
     }

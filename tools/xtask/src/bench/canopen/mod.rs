@@ -43,7 +43,7 @@ impl Row {
         if figures.bus.bits != figures.computed() {
             return Err(format!("{name}: {} bits, computed {}", figures.bus.bits, figures.computed()));
         }
-        if figures.blocked > blocking() {
+        if figures.blocked > 2 * blocking() {
             return Err(format!("{name}: SYNC waited for {:?}", figures.blocked));
         }
         Ok(())
@@ -66,13 +66,12 @@ const fn worst_cycle(axes: u32) -> u32 {
     Frame::worst_bits(false, 0) + axes * (Frame::worst_bits(false, 4) + Frame::worst_bits(false, 6))
 }
 
-fn rows(time: Duration) -> Result<[Row; 4], String> {
-    // One after the other is as good as at once: the buses have nothing in common but the time.
+fn rows(time: Duration) -> Result<[Row; 3], String> {
+    // One after the other is as good as at once: two buses have nothing in common but the time.
     Ok([
         Row::measure("three axes", &AXES, false, time)?,
         Row::measure("three axes, a client reads without a pause", &AXES, true, time)?,
-        Row::measure("six axes, first bus", &AXES, false, time)?,
-        Row::measure("six axes, second bus", &MORE, false, time)?,
+        Row::measure("three more axes, on a second bus", &MORE, false, time)?,
     ])
 }
 

@@ -18,14 +18,17 @@ pub fn page(rows: &[Row]) -> String {
          The *load* is what the bus has counted; *computed* is the sum of the frames that its stations say they have sent.\n\n\
          | bus | cycles | missed | load | computed | busy after SYNC, at most | SYNC waited, at most | from SYNC to SYNC |\n\
          |---|--:|--:|--:|--:|--:|--:|--:|\n{}\n\
-         The drives of six axes are three on each of two buses, which have nothing in common but the time.\n\n\
+         Six axes are the first bus and the last together, each with a master of its own, which have nothing in common but the\n\
+         time.\n\n\
          ## Where the bits are\n\n\
          | bus | SYNC | set-points | answers | others | transfers of the client |\n\
          |---|--:|--:|--:|--:|--:|\n{}\n\
          ## Bounds\n\n\
          A frame that has begun is not taken off the bus. So SYNC, which is before all others but NMT, waits for one frame at\n\
-         most: {} bits for 8 bytes with all their stuff bits, {} ms. With it the cycle of three axes takes {} bits at most,\n\
-         {} ms; one of six on a single bus would take {}, {} ms, which is why they are on two.",
+         most: {} bits for 8 bytes with all their stuff bits, {} ms. The gateway's port here sends in the order given: where a\n\
+         frame of its own is already there, as with the client, SYNC waits for that one, too. With one frame before it the\n\
+         cycle of three axes takes {} bits and {} ms at most; one of six on a single bus would take {} bits, {} ms, which is why\n\
+         they are on two.",
         ms(PERIOD),
         TIME.as_secs(),
         rows.iter().map(row).collect::<String>(),

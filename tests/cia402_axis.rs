@@ -1,0 +1,371 @@
+//! Axes with CiA 402 drives: commands, what ends a motion, and faults, with which the other axes go on.
+
+mod common;
+
+use std::process::{Command, Stdio};
+use std::thread;
+
+use common::can::Adapter;
+use common::client::{Lines, connect, value};
+use common::http::insist;
+use common::wire::Wire;
+use common::{Document, Gateway, ms, until};
+use puente_canopen::{Frame, Id};
+use puente_cell::can::{Cell, Config, DriveConfig, DriveFault, Fault, Model};
+use puente_drives::cia402::State;
+use puente_line::Instant;
+use serde_json::json;
+
+const AXES: [(&str, u8); 3] = [("u", 2), ("v", 3), ("w", 4)];
+
+/// Axes u, v and w, which are nodes 2 to 4.
+struct Rig {
+    adapter: Wire<Adapter<Cell>>,
+    gateway: Gateway,
+}
+
+impl Rig {
+    fn new(lease_ms: u32) -> Self {
+        let rig = Self::start(lease_ms, "", |document| document);
+        rig.are_present(&AXES);
+        rig
+    }
+
+    fn start(lease_ms: u32, keys: &str, more: impl FnOnce(Document) -> Document) -> Self {
+        let drive = |id| DriveConfig::new(id, Model::Lexium23a).expect("a drive");
+        let config = AXES.iter().fold(Config::new(1_000_000), |config, (_, id)| config.with(drive(*id)));
+        let adapter = Adapter::wire(Cell::new(config));
+        let document = Document::new().net(&format!("lease_ms = {lease_ms}")).canopen(
+            "can",
+            &adapter,
+            &format!("bitrate = 1000000\n{keys}"),
+        );
+        let document = AXES.iter().fold(document, |document, (name, id)| document.servo(name, "can", *id));
+        let gateway = more(document).start();
+        Self { adapter, gateway }
+    }
+
+    fn are_present(&self, axes: &[(&str, u8)]) {
+        let mut client = self.client();
+        for (axis, _) in axes {
+            self.becomes(&mut client, axis, "node", "present");
+        }
+    }
+
+    fn client(&self) -> Lines {
+        Lines::connect(self.gateway.main)
+    }
+
+    /// A client that turns all three axes.
+    fn turning(&self) -> Lines {
+        let mut commander = self.client();
+        for (axis, _) in AXES {
+            commander.ok(&format!("axis {axis} enable"));
+        }
+        for (axis, _) in AXES {
+            commander.ok(&format!("axis {axis} velocity 500"));
+        }
+        for (_, id) in AXES {
+            until("it turns", || {
+                commander.ok("feed");
+                self.velocity(id) > 100.0
+            });
+        }
+        commander
+    }
+
+    /// The status of an axis comes to say this. Asking for it shows life.
+    fn becomes(&self, client: &mut Lines, axis: &str, key: &str, what: &str) {
+        until(what, || value(&client.ask(&format!("axis {axis} status")), key) == Some(what));
+    }
+
+    fn velocity(&self, id: u8) -> f64 {
+        self.adapter.device().bus.node(id).and_then(|node| node.drive()).expect("a drive").velocity()
+    }
+
+    fn state(&self, id: u8) -> State {
+        self.adapter.device().bus.node(id).and_then(|node| node.drive()).expect("a drive").state()
+    }
+
+    fn suffer(&self, id: u8, fault: Fault) {
+        // At once: the past is over.
+        assert!(self.adapter.device().bus.suffer(Instant::ZERO, id, fault), "a node");
+    }
+
+    /// The axes turn on, under the lease of this client.
+    fn go_on(&self, commander: &mut Lines, axes: &[(&str, u8)]) {
+        for (axis, id) in axes {
+            let status = commander.ok(&format!("axis {axis} status"));
+            assert_eq!(value(&status, "event"), Some("none"), "{status}");
+            assert_eq!(value(&status, "state"), Some("operation-enabled"), "{status}");
+            assert!(self.velocity(*id) > 100.0, "{axis}");
+        }
+    }
+
+    /// Frames of the gateway so far.
+    fn frames(&self) -> usize {
+        self.adapter.device().frames.len()
+    }
+
+    /// SYNCs after so many frames, until all three drives have been told a quick stop.
+    fn syncs_before_stops(&self, from: usize) -> usize {
+        let stops = |frame: &Frame, id: u8| {
+            let word = frame.data().first_chunk().map(|word| u16::from_le_bytes(*word));
+            frame.id() == Id::base(0x200 + u16::from(id)) && word == Some(2)
+        };
+        let mut last = None;
+        until("all are told to stop", || {
+            let device = self.adapter.device();
+            let after = &device.frames[from..];
+            let told = AXES.map(|(_, id)| after.iter().position(|frame| stops(frame, id)));
+            last = told.iter().all(Option::is_some).then(|| told.iter().flatten().max().copied()).flatten();
+            last.is_some()
+        });
+        let device = self.adapter.device();
+        let before = &device.frames[from..from + last.expect("a stop")];
+        before.iter().filter(|frame| frame.id() == Id::base(0x80)).count()
+    }
+}
+
+#[test]
+fn an_axis_is_enabled_homed_moved_and_turned() {
+    let rig = Rig::new(5_000);
+    let mut client = rig.client();
+    let before =
+        rig.adapter.device().bus.node(2).and_then(|node| node.drive()).expect("a drive").machine_position();
+    client.error("axis u move 1000", "not-enabled");
+    assert!(client.ok("axis u enable").ends_with("enabled=1"));
+    let stands =
+        rig.adapter.device().bus.node(2).and_then(|node| node.drive()).expect("a drive").machine_position();
+    assert!((stands - before).abs() < 2.0, "it jumped from {before} to {stands}");
+    client.ok("axis u home 35");
+    rig.becomes(&mut client, "u", "homed", "1");
+    client.ok("axis u move 3000 20000");
+    rig.becomes(&mut client, "u", "position", "3000");
+    rig.becomes(&mut client, "u", "progress", "reached");
+    // Nobody need show life for what has arrived.
+    rig.becomes(&mut client, "u", "lease", "none");
+    client.ok("axis u velocity -200");
+    rig.becomes(&mut client, "u", "velocity", "-200");
+    client.error("axis u mode csp", "no-mode");
+    client.ok("axis u stop");
+    client.error("axis u velocity 5", "not-enabled");
+    client.ok("axis u enable");
+    client.ok("axis u torque 0");
+    client.ok("axis u disable");
+    client.error("axis u jog 5", "unsupported");
+    client.error("axis u gains 1 0 0", "unsupported");
+}
+
+#[test]
+fn over_http() {
+    let rig = Rig::new(5_000);
+    let post = |path: &str, body| {
+        insist(rig.gateway.main, &format!("POST /api/axes/{path}"), &format!("{body}")).json()
+    };
+    let get = || insist(rig.gateway.main, "GET /api/axes/v", "").json();
+    assert_eq!(get()["profile"], json!("lexium23a"));
+    assert_eq!(post("v/move", json!({"position": 5}))["error"]["code"], json!("not-enabled"));
+    assert_eq!(post("v/enable", json!({}))["state"], json!("operation-enabled"));
+    assert_eq!(post("v/home", json!({"method": 35, "hold_ms": 5000}))["axis"], json!("v"));
+    until("it is at home", || get()["homed"] == json!(true));
+    assert_eq!(
+        post("v/move", json!({"position": 700, "velocity": 20000, "hold_ms": 5000}))["axis"],
+        json!("v")
+    );
+    until("it arrives", || get()["position"] == json!(700) && get()["lease"].is_null());
+    assert_eq!(post("v/velocity", json!({"velocity": 100, "hold_ms": 5000}))["mode"], json!("pv"));
+    assert_eq!(post("v/mode", json!({"mode": "fast"}))["error"]["code"], json!("mode"));
+    post("v/stop", json!({}));
+    until("it stands", || get()["enabled"] == json!(false));
+    assert_eq!(get()["online"], json!(true));
+}
+
+/// The commander is a process of its own, which shows life all the time: only its end can be why the axes stop.
+#[test]
+fn kill_9_of_the_commander_is_a_quick_stop_of_all_within_a_sync() {
+    let rig = Rig::start(5_000, "sync_us = 20000", |document| document);
+    rig.are_present(&AXES);
+    let script = "for a in u v w; do echo axis $a enable; done; for a in u v w; do echo axis $a velocity 500; done; \
+                  while :; do echo feed; sleep 0.02 >/dev/null; done";
+    let mut commander = Command::new("sh")
+        .args(["-c", script])
+        .stdin(Stdio::null())
+        .stdout(Stdio::from(std::os::fd::OwnedFd::from(connect(rig.gateway.main))))
+        .spawn()
+        .expect("a shell");
+    for (_, id) in AXES {
+        until("it turns", || rig.velocity(id) > 100.0);
+    }
+    let from = rig.frames();
+    commander.kill().expect("killed");
+    commander.wait().expect("ended");
+    let syncs = rig.syncs_before_stops(from);
+    // The lease is 250 SYNCs long.
+    assert!(syncs <= 125, "{syncs} SYNCs before the stops");
+    println!("quick stop of three axes {syncs} SYNCs of 20 ms after kill -9");
+    let mut client = rig.client();
+    for (axis, id) in AXES {
+        until("it stands", || rig.velocity(id) == 0.0);
+        rig.becomes(&mut client, axis, "event", "commander-disconnected");
+    }
+}
+
+#[test]
+fn a_commander_that_falls_silent_loses_all_axes_within_the_lease_and_one_sync() {
+    let (lease_ms, sync_ms) = (600, 20);
+    let rig = Rig::start(lease_ms, "sync_us = 20000", |document| document);
+    rig.are_present(&AXES);
+    let mut commander = rig.turning();
+    commander.ok("feed");
+    // Its last word was before this.
+    let from = rig.frames();
+    let syncs = rig.syncs_before_stops(from);
+    assert!(syncs as u32 <= lease_ms / sync_ms + 1, "{syncs} SYNCs before the stops");
+    for (axis, _) in AXES {
+        rig.becomes(&mut commander, axis, "event", "lease-expired");
+    }
+}
+
+#[test]
+fn a_node_that_is_lost_is_told_and_stopped_when_it_is_back() {
+    for guarded in [false, true] {
+        let rig = Rig::start(5_000, "", |document| match guarded {
+            true => document.node("can", 3, "guard_ms = 100\nlife_factor = 3"),
+            false => document,
+        });
+        rig.are_present(&AXES);
+        let mut commander = rig.turning();
+        rig.suffer(3, Fault::Mute(true));
+        rig.becomes(&mut commander, "v", "node", "lost");
+        rig.becomes(&mut commander, "v", "event", "drive-lost");
+        assert!(commander.error("axis v enable", "lost").contains("lost"));
+        rig.go_on(&mut commander, &[AXES[0], AXES[2]]);
+        rig.suffer(3, Fault::Mute(false));
+        until("it is stopped", || {
+            commander.ok("feed");
+            rig.state(3) != State::OperationEnabled && rig.velocity(3) == 0.0
+        });
+        rig.go_on(&mut commander, &[AXES[0], AXES[2]]);
+    }
+}
+
+#[test]
+fn an_emergency_during_a_move_is_told_and_the_others_go_on() {
+    let rig = Rig::new(5_000);
+    let mut commander = rig.turning();
+    rig.suffer(2, Fault::Drive(DriveFault::OverCurrent));
+    rig.becomes(&mut commander, "u", "event", "drive-fault");
+    let status = commander.ok("axis u status");
+    assert_eq!(value(&status, "state"), Some("fault"), "{status}");
+    assert!(status.contains("emergency=\""), "{status}");
+    rig.go_on(&mut commander, &AXES[1..]);
+    commander.error("axis u enable", "fault");
+    commander.ok("axis u clear");
+    commander.ok("axis u enable");
+    rig.go_on(&mut commander, &AXES[1..]);
+}
+
+#[test]
+fn an_sdo_server_that_is_dead_is_told_and_the_others_go_on() {
+    let rig = Rig::new(5_000);
+    let mut commander = rig.turning();
+    commander.ok("axis v enable");
+    rig.suffer(3, Fault::SdoDead(true));
+    // What a move needs to know is in no PDO.
+    let mut other = rig.client();
+    let refused = thread::scope(|scope| {
+        let moved = scope.spawn(|| other.ask("axis v move 100 500"));
+        while !moved.is_finished() {
+            rig.go_on(&mut commander, &[AXES[0], AXES[2]]);
+            thread::sleep(ms(5));
+        }
+        moved.join().expect("an answer")
+    });
+    assert!(
+        refused.starts_with("error drive axis v: ") && refused.contains("the node did not answer"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn a_drive_of_another_identity_is_refused_and_the_others_go_on() {
+    let rig = Rig::start(5_000, "", |document| document.node("can", 3, "product = 0x12345678"));
+    let others = [AXES[0], AXES[2]];
+    rig.are_present(&others);
+    let mut client = rig.client();
+    rig.becomes(&mut client, "v", "node", "refused");
+    client.error("axis v enable", "node-refused");
+    for (axis, _) in others {
+        client.ok(&format!("axis {axis} enable"));
+    }
+}
+
+#[test]
+fn a_node_that_babbles_and_one_that_is_bus_off_hold_nobody_up() {
+    let rig = Rig::new(5_000);
+    let mut commander = rig.turning();
+    let babble = Frame::new(Id::base(0x7F0), &[]).expect("a frame");
+    rig.suffer(4, Fault::Babble(babble, ms(100)));
+    rig.go_on(&mut commander, &AXES[..2]);
+    rig.suffer(4, Fault::BusOff);
+    rig.go_on(&mut commander, &AXES[..2]);
+    commander.ok("axis u stop");
+    until("it stands", || {
+        commander.ok("feed");
+        rig.velocity(2) == 0.0
+    });
+}
+
+#[test]
+fn a_group_goes_through_its_stages_together() {
+    let rig = Rig::new(5_000);
+    let mut client = rig.client();
+    // Home of w is far away: u and v wait for it.
+    client.ok("group u,v,w home");
+    let mut seen = Vec::new();
+    until("all are at home", || {
+        let status = client.ok("group status");
+        let homed = AXES.map(|(_, id)| {
+            rig.adapter.device().bus.node(id).and_then(|node| node.drive()).expect("a drive").is_homed()
+        });
+        let stage = value(&status, "stage").expect("a stage").to_owned();
+        assert_ne!(stage, "failed", "{status}");
+        assert!(stage != "done" || homed.iter().all(|homed| *homed), "{status}");
+        if seen.last() != Some(&stage) {
+            seen.push(stage.clone());
+        }
+        stage == "done"
+    });
+    assert!(seen.iter().any(|stage| stage == "homing"), "{seen:?}");
+    client.ok("group u,v,w start pv");
+    until("all are in the mode", || value(&client.ok("group status"), "stage") == Some("done"));
+    for (axis, _) in AXES {
+        rig.becomes(&mut client, axis, "mode", "pv");
+    }
+    client.ok("group u,v,w disable");
+    for (_, id) in AXES {
+        assert_eq!(rig.state(id), State::SwitchOnDisabled);
+    }
+}
+
+#[test]
+fn one_that_fails_or_a_commander_that_is_gone_stops_the_group() {
+    let rig = Rig::new(5_000);
+    let mut client = rig.client();
+    client.ok("group u,v,w home");
+    until("they search", || {
+        assert_ne!(value(&client.ok("group status"), "stage"), Some("done"));
+        AXES.iter().all(|(_, id)| rig.velocity(*id) != 0.0)
+    });
+    let mut other = rig.client();
+    assert!(other.ok("group status").contains("awaits=u,v,w"));
+    other.error("group u,v home", "busy");
+    rig.suffer(3, Fault::Drive(DriveFault::OverCurrent));
+    until("it is told", || value(&other.ok("group status"), "stage") == Some("failed"));
+    assert_eq!(value(&other.ok("group status"), "axis"), Some("v"));
+    for (_, id) in AXES {
+        until("it stands", || rig.velocity(id) == 0.0);
+        assert_ne!(rig.state(id), State::OperationEnabled);
+    }
+}
