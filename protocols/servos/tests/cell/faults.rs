@@ -34,7 +34,7 @@ fn others_go_on(rig: &mut Rig) {
 #[test]
 fn drives_whose_master_is_gone_stop_by_themselves() {
     let mut rig = running();
-    rig.alone_ms(100);
+    rig.alone_ms(70);
     assert!(rig.velocity(1) > 1_000.0 && rig.velocity(2) > 1_000.0);
     rig.alone_ms(500);
     assert!(rig.velocity(1).abs() < 1.0 && rig.velocity(2).abs() < 1.0);
