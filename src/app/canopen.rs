@@ -34,18 +34,15 @@ static ROOMS: [StaticCell<Room>; CANOPEN] = [const { StaticCell::new() }; CANOPE
 static LISTS: ConstStaticCell<[u8; ALL]> = ConstStaticCell::new([0; ALL]);
 
 /// Makes a manager for each CANopen bus, and adds it to the desk.
+#[inline(never)]
 pub(super) fn add(settings: &Settings) {
     let mut lists: &'static mut [u8] = LISTS.take();
     let buses = (0..).zip(&settings.buses).filter_map(|(index, bus)| Some((index, bus, bus.canopen()?)));
     for (room, (index, bus, canopen)) in ROOMS.iter().zip(buses) {
         let Some(node) = NodeId::new(canopen.node) else { continue };
-        let mut members = Vec::<Member<'static>, { AXES + NODES }>::new();
-        for member in members_of(settings, bus, canopen, &mut lists) {
-            // There is room for all of the settings.
-            let _ = members.push(member);
-        }
+        let room = room.init_with(|| Room::new(config(node, canopen)));
         let axes = axes_of(settings, bus).filter_map(|(_, axis, cia402)| drive(axis, cia402));
-        let room = room.init_with(|| Room::new(config(node, canopen), members, axes));
+        room.join(members_of(settings, bus, canopen, &mut lists), axes);
         DESK.add_can(CanSpec { bus: index, net: canopen.net, bitrate: canopen.bitrate, room });
     }
 }

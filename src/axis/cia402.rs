@@ -274,15 +274,26 @@ impl Axes {
     }
 
     /// Sends the axis home, by the drive's own method or by this one. It takes its time, in which its commander shows life;
-    /// what has found home needs nobody any more. Takes the lease as [`jog`](Self::jog) does.
+    /// what has found home needs nobody any more. Takes the lease as [`jog`](Self::jog) does; to `renew` only shows life.
     pub async fn home(
         &self,
         id: u8,
         by: Commander,
         method: Option<Method>,
         hold: Option<Duration>,
+        renew: bool,
     ) -> Result<(), AxisError> {
+        if renew {
+            let permit = self.desk.prolong(clock::now(), id, by.holder, hold)?;
+            return permit.map_or_else(|| self.arrived(id), |_| Ok(()));
+        }
         self.drive(id, by, hold, NO_HOMING, |serial| Moves::Home { method, serial }).await
+    }
+
+    /// Life is shown for a motion without a lease: that is well where it has come to its end by itself.
+    pub(super) fn arrived(&self, id: u8) -> Result<(), AxisError> {
+        let view = self.desk.view(clock::now(), id);
+        if view.servo().is_some() && view.wish == Wish::Hold { Ok(()) } else { Err(STOPPED) }
     }
 
     /// Turns the axis at a velocity, in the drive's velocity units, while its commander shows life; 0 lets it stand, under

@@ -205,7 +205,7 @@ impl Axes {
         if run.goal != Goal::Enabled {
             self.stage(Stage::Homing);
             for id in run.axes.iter().filter(|id| run.goal == Goal::Homed || !self.is_homed(*id)) {
-                self.home(id, run.by, None, None).await.map_err(|error| (id, error))?;
+                self.home(id, run.by, None, None, false).await.map_err(|error| (id, error))?;
             }
             self.all(run, Stage::Homing).await?;
         }

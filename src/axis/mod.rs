@@ -317,7 +317,10 @@ impl Axes {
         }
         let now = clock::now();
         let permit = match renew {
-            true => self.desk.prolong(now, id, by.holder, hold)?.ok_or(pid::STOPPED)?,
+            true => match self.desk.prolong(now, id, by.holder, hold)? {
+                Some(permit) => permit,
+                None => return self.arrived(id),
+            },
             false => self.desk.lease(now, id, by.holder, hold)?,
         };
         let _turn = axis.turn.lock().await;

@@ -17,12 +17,13 @@ use super::store::{self, Store};
 use super::{Problem, Settings, json, record};
 use crate::clock;
 use crate::desk::Desk;
-use crate::port::limits::{AXES, BUSES, NODES, WRITES};
+use crate::port::limits::{AXES, BUSES, MODBUS, NODES, WRITES};
 use crate::port::{Flash, restart};
 
-/// Bytes of the largest settings document, written as compactly as it is read: what a client may send. Of what is written
-/// to nodes there is room for a third of the longest: for all of it where it is short, or where some nodes have less.
-pub const DOCUMENT: usize = 384 + BUSES * 448 + AXES * 288 + NODES * (304 + WRITES * 48 / 3);
+/// Bytes of the largest settings document, written as compactly as it is read: what a client may send. Buses besides
+/// those that may be Modbus buses are CANopen buses, which have less to say. Of what is written to nodes there is room for a third of the longest: for all of it where it is short, or where some nodes have less.
+pub const DOCUMENT: usize =
+    384 + MODBUS * 448 + (BUSES - MODBUS) * 304 + AXES * 288 + NODES * (304 + WRITES * 48 / 3);
 /// How long a start with network settings on trial waits for somebody who can reach it.
 pub const TRIAL: Duration = Duration::from_secs(60);
 /// How long a restart waits until the answer that tells of it is out,

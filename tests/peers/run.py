@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""The gateway between Modbus programs that are not ours; `cargo xtask peers` starts this.
+"""The gateway between Modbus and CANopen programs that are not ours; `cargo xtask peers` starts this.
 
 Clients: mbpoll, pymodbus and tokio-modbus. Slaves: pymodbus on an RTU and on an ASCII line, libmodbus on an RTU line, all
-on pseudo terminals. The gateway's ports are named by their default numbers, 8080 and 8502; free ones are taken.
+on pseudo terminals. What there is of CANopen is in canopen_peers.py. The gateway's ports are named by their default numbers, 8080 and 8502; free ones are taken.
 One line a case; the exit code tells whether all passed.
 """
 
@@ -16,6 +16,7 @@ import threading
 
 from pymodbus import FramerType
 
+import canopen_peers
 import cases
 import model
 from clients import HOST, Mbpoll, Pymodbus
@@ -132,6 +133,7 @@ def main():
         matrix(report, ports)
         together(report, ports)
         tokio_modbus(report, ports)
+        canopen_peers.run(report, stage)
     print(f"{report.passed} passed, {report.failed} failed")
     return 1 if report.failed else 0
 

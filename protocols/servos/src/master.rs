@@ -60,21 +60,40 @@ impl<'a, const AXES: usize, const NODES: usize, const CHANNELS: usize> Master<'a
         axes: impl IntoIterator<Item = Axis>,
         now: Instant,
     ) -> Self {
-        let place = |axis| Place {
-            drive: Drive::new(axis, config.sync, now),
+        let mut master = Self::without_members(config);
+        master.join(members, axes, now);
+        master
+    }
+
+    /// One without members and drives: see [`Manager::without_members`].
+    #[inline(always)]
+    pub fn without_members(config: Config) -> Self {
+        Self {
+            manager: Manager::without_members(config),
+            sync: config.sync,
+            up: true,
+            places: Vec::new(),
+            next: AXES,
+            counters: Counters::default(),
+        }
+    }
+
+    /// Takes members and drives in, before the start.
+    pub fn join(
+        &mut self,
+        members: impl IntoIterator<Item = Member<'a>>,
+        axes: impl IntoIterator<Item = Axis>,
+        now: Instant,
+    ) {
+        self.manager.join(members, now);
+        let sync = self.sync;
+        self.places.extend(axes.into_iter().take(AXES - self.places.len()).map(|axis| Place {
+            drive: Drive::new(axis, sync, now),
             read: Vec::new(),
             long: false,
             yields_until: None,
             refused: false,
-        };
-        Self {
-            manager: Manager::new(config, members, now),
-            sync: config.sync,
-            up: true,
-            places: axes.into_iter().take(AXES).map(place).collect(),
-            next: AXES,
-            counters: Counters::default(),
-        }
+        }));
     }
 
     /// See [`Manager::start`].

@@ -33,13 +33,19 @@ pub type Nodes = Manager<'static, MEMBERS, CHANNELS>;
 pub struct Room(Mutex<CriticalSectionRawMutex, RefCell<Master>>);
 
 impl Room {
-    /// With a manager that does nothing yet.
-    pub fn new(
-        config: Config,
+    /// With a manager that does nothing yet, and has no members.
+    #[inline(always)]
+    pub fn new(config: Config) -> Self {
+        Self(Mutex::new(RefCell::new(Master::without_members(config))))
+    }
+
+    /// Gives the manager its members and drives.
+    pub fn join(
+        &self,
         members: impl IntoIterator<Item = Member<'static>>,
         axes: impl IntoIterator<Item = Axis>,
-    ) -> Self {
-        Self(Mutex::new(RefCell::new(Master::new(config, members, axes, clock::now()))))
+    ) {
+        self.work(|master| master.join(members, axes, clock::now()));
     }
 
     /// Reads what the manager knows.

@@ -4,7 +4,6 @@ use core::future::{Future, pending, poll_fn};
 use core::pin::pin;
 use core::task::Poll;
 
-use embassy_futures::poll_once;
 use puente_canopen::Frame;
 use puente_canopen::manager::{Action as Managed, Sdo};
 use puente_canopen::sdo::{Config, Transfer};
@@ -58,15 +57,22 @@ pub async fn pump(port: &mut impl CanPort, setup: Setup, clients: &impl Exchange
         for _ in 0..BATCH {
             let Some(event) = heard else { break };
             pump.heard(now, event, &mut writer);
-            heard = match poll_once(reader.read()) {
-                Poll::Ready(event) => Some(event),
-                Poll::Pending => None,
-            };
+            heard = at_once(reader.read()).await;
         }
         if let Some(event) = heard {
             pump.heard(now, event, &mut writer);
         }
     }
+}
+
+/// What a future has to say without waiting. It is asked with the waker of the task: a timer takes no other on a board.
+async fn at_once<R>(future: impl Future<Output = R>) -> Option<R> {
+    let mut future = pin!(future);
+    poll_fn(|context| match future.as_mut().poll(context) {
+        Poll::Ready(done) => Poll::Ready(Some(done)),
+        Poll::Pending => Poll::Ready(None),
+    })
+    .await
 }
 
 /// Whose a frame is.

@@ -152,7 +152,7 @@ fn rig(config: Config) -> Rig {
     let spec =
         BusSpec { units: Units::default(), queue_timeout: Duration::ZERO, reply_timeout: Duration::ZERO };
     desk.configure([spec], Duration::from_millis(250));
-    let room: &'static Room = Box::leak(Box::new(Room::new(config, [], [])));
+    let room: &'static Room = Box::leak(Box::new(Room::new(config)));
     desk.add_can(CanSpec { bus: 0, net: 5, bitrate: 1_000_000, room });
     let rig = Rig { desk, room, port: Port::default() };
     rig.port.say(CanEvent::State(CanState::Active));

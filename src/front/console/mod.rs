@@ -249,7 +249,7 @@ async fn axis(gateway: &Gateway, by: Commander, id: u8, command: AxisCommand) ->
             Answer::Move(course.position)
         }
         AxisCommand::Home(method) => {
-            axes.home(id, by, method, None).await?;
+            axes.home(id, by, method, None, false).await?;
             Answer::Homing
         }
         AxisCommand::Velocity(velocity) => {

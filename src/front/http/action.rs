@@ -16,7 +16,8 @@ pub(super) enum Action {
     Jog(i32, Option<Duration>),
     /// Where to, hold time, and whether it only renews a move.
     Move(Course, Option<Duration>, bool),
-    Home(Option<Method>, Option<Duration>),
+    /// By which method, hold time, and whether it only renews a search.
+    Home(Option<Method>, Option<Duration>, bool),
     Velocity(i32, Option<Duration>),
     Torque(i16, Option<Duration>),
     Mode(Mode, Option<Duration>),
@@ -48,6 +49,8 @@ struct MoveBody {
 struct HomeBody {
     method: Option<i8>,
     hold_ms: Option<u32>,
+    #[serde(default)]
+    renew: bool,
 }
 
 #[derive(Deserialize)]
@@ -85,10 +88,10 @@ impl Action {
                 Action::Move(Course { position, velocity }, hold(hold_ms)?, renew)
             }
             Command::Home => {
-                let HomeBody { method, hold_ms } = json(body, "{\"method\": 35, \"hold_ms\": 500}")?;
+                let HomeBody { method, hold_ms, renew } = json(body, "{\"method\": 35, \"hold_ms\": 500}")?;
                 let method =
                     method.map(|number| Method::new(number).ok_or(Problem::Homing(number))).transpose()?;
-                Action::Home(method, hold(hold_ms)?)
+                Action::Home(method, hold(hold_ms)?, renew)
             }
             Command::Velocity => {
                 let VelocityBody { velocity, hold_ms } = json(body, "{\"velocity\": 100, \"hold_ms\": 500}")?;
@@ -115,7 +118,7 @@ impl Action {
         match self {
             Action::Jog(rpm, hold) => axes.jog(id, by, rpm, hold).await,
             Action::Move(course, hold, renew) => axes.move_to(id, by, course, hold, renew).await,
-            Action::Home(method, hold) => axes.home(id, by, method, hold).await,
+            Action::Home(method, hold, renew) => axes.home(id, by, method, hold, renew).await,
             Action::Velocity(velocity, hold) => axes.velocity(id, by, velocity, hold).await,
             Action::Torque(permille, hold) => axes.torque(id, by, permille, hold).await,
             Action::Mode(mode, hold) => axes.mode(id, by, mode, hold).await,
@@ -190,8 +193,8 @@ mod tests {
             read(Command::Move, "{\"position\":5,\"velocity\":7,\"hold_ms\":500}"),
             Ok(Action::Move(Course { position: 5, velocity: Some(7) }, hold, false))
         );
-        assert_eq!(read(Command::Home, "{}"), Ok(Action::Home(None, None)));
-        assert_eq!(read(Command::Home, "{\"method\":35}"), Ok(Action::Home(Method::new(35), None)));
+        assert_eq!(read(Command::Home, "{}"), Ok(Action::Home(None, None, false)));
+        assert_eq!(read(Command::Home, "{\"method\":35}"), Ok(Action::Home(Method::new(35), None, false)));
         assert_eq!(read(Command::Home, "{\"method\":0}"), Err(Problem::Homing(0)));
         assert_eq!(read(Command::Velocity, "{\"velocity\":-7}"), Ok(Action::Velocity(-7, None)));
         assert_eq!(read(Command::Torque, "{\"torque_permille\":100}"), Ok(Action::Torque(100, None)));

@@ -20,19 +20,19 @@ pub const FRAMED: usize = 1;
 /// CANopen buses: CAN 1 and 2.
 pub const CANOPEN: usize = 2;
 /// Nodes of a CANopen bus that are booted and watched.
-pub const MEMBERS: usize = 10;
+pub const MEMBERS: usize = 8;
 /// Those of them that are drives.
 pub const DRIVES: usize = 4;
 /// Nodes of a CANopen bus with which there is an SDO transfer at once; the others wait.
-pub const CHANNELS: usize = 3;
+pub const CHANNELS: usize = 2;
 /// SDO transfers of clients under way at once, on all CANopen buses.
-pub const TRANSFERS: usize = 8;
+pub const TRANSFERS: usize = 6;
 /// Bytes that an SDO transfer writes at most, and that are kept of one that reads, for a client that is slow.
 pub const SDO_DATA: usize = 256;
 /// Frames and events of a CANopen bus that are kept for clients; a power of two.
 pub const CAN_HEARD: usize = 32;
 /// Nodes of which the settings say something, of all CANopen buses.
-pub const NODES: usize = 8;
+pub const NODES: usize = 6;
 /// Values that the settings have written to a node.
 pub const WRITES: usize = 8;
 /// Longest frame on a framed bus, in bytes.

@@ -82,7 +82,15 @@ pub struct Manager<'a, const NODES: usize, const CHANNELS: usize> {
 impl<'a, const NODES: usize, const CHANNELS: usize> Manager<'a, NODES, CHANNELS> {
     /// One that does nothing yet. Of members with the same node-ID the first counts; the manager's own is nobody's.
     pub fn new(config: Config, members: impl IntoIterator<Item = Member<'a>>, now: Instant) -> Self {
-        let mut manager = Self {
+        let mut manager = Self::without_members(config);
+        manager.join(members, now);
+        manager
+    }
+
+    /// One without members. It is made where it is to live, as far as the compiler can: it is large, and a stack may not be.
+    #[inline(always)]
+    pub fn without_members(config: Config) -> Self {
+        Self {
             config,
             running: false,
             up: true,
@@ -100,14 +108,17 @@ impl<'a, const NODES: usize, const CHANNELS: usize> Manager<'a, NODES, CHANNELS>
             events: Deque::new(),
             bus_events: Deque::new(),
             counters: Counters::default(),
-        };
+        }
+    }
+
+    /// Takes members in, before the start. Of those with the same node-ID the first counts; the manager's own is nobody's.
+    pub fn join(&mut self, members: impl IntoIterator<Item = Member<'a>>, now: Instant) {
         for member in members {
-            if member.id != config.node && manager.member(member.id).is_none() {
-                let _ = manager.members.push(Managed::new(member, now));
-                manager.table.keep(member.id);
+            if member.id != self.config.node && self.member(member.id).is_none() {
+                let _ = self.members.push(Managed::new(member, now));
+                self.table.keep(member.id);
             }
         }
-        manager
     }
 
     /// Begins: says its own boot-up, produces what it produces, asks for the members. The first SYNC is due now.

@@ -1,6 +1,6 @@
 "use strict";
 
-const HOLD_MS = { jog: 500, move: 1000 }; // how long the gateway keeps one going without word from this page
+const HOLD_MS = { jog: 500, move: 1000, home: 1000 }; // how long the gateway keeps one going without word from this page
 const POLL_MS = 250;      // pause between two readings
 const LIVE_MS = 125;      // the same while a move runs
 const STALE_MS = 2000;    // values older than this are shown as old
@@ -107,7 +107,7 @@ async function drive(axis) {
     try {
       await send(axis, order.verb, { ...order.body(), hold_ms: hold, ...order.renewal });
       // What the gateway has ended does not begin again by itself.
-      if (order.verb === "move") order.renewal = { renew: true };
+      if (order.verb !== "jog") order.renewal = { renew: true };
     } catch (error) {
       if (axis.grip === grip) letGo(axis);
       tell(axis, error.message);
@@ -119,7 +119,7 @@ async function drive(axis) {
   axis.driving = false;
 }
 
-// Axes of drive "edb": a servo drive that jogs. pid.js has the other kind.
+// Axes of drive "edb": a servo drive that jogs. pid.js and cia402.js have the other kinds.
 const edb = {
   build(axis) {
     const { part } = axis;
@@ -177,7 +177,7 @@ const edb = {
   draw() {},
 };
 
-const kinds = { edb, pid };
+const kinds = { edb, pid, cia402 };
 
 function build({ name, drive }) {
   const card = $("axis").content.firstElementChild.cloneNode(true);
@@ -256,9 +256,14 @@ const framed = {
   "Collisions": (s) => s.line.collisions, "Given up": (s) => s.line.losses,
 };
 
+const canopen = {
+  "State": (s) => s.state, "Load, %": (s) => String(s.load_percent), "Received": (s) => s.received, "Sent": (s) => s.sent,
+  "Booted": (s) => s.booted, "Emergencies": (s) => s.emergencies, "SDO": (s) => s.sdo.transfers, "Aborted": (s) => s.sdo.aborted,
+};
+
 // A table for each kind of bus.
 function showBuses(buses) {
-  $("buses").replaceChildren(...[modbus, framed].map((columns) => {
+  $("buses").replaceChildren(...[modbus, framed, canopen].map((columns) => {
     const table = document.createElement("table");
     const add = (row, tag, text, number) => {
       const cell = row.appendChild(document.createElement(tag));
@@ -268,9 +273,9 @@ function showBuses(buses) {
     };
     const head = table.createTHead().insertRow();
     ["Bus", "Protocol", "Line", ...Object.keys(columns)].forEach((title, index) => { add(head, "th", title, index > 2).scope = "col"; });
-    for (const bus of buses.filter(({ protocol }) => (protocol === "framed") === (columns === framed))) {
+    for (const bus of buses.filter(({ protocol }) => ({ framed, canopen }[protocol] ?? modbus) === columns)) {
       const row = table.insertRow();
-      [bus.name, bus.protocol, `${bus.port} ${bus.baud} ${bus.format}`].forEach((text) => add(row, "td", text));
+      [bus.name, bus.protocol, `${bus.port} ${bus.bitrate ?? `${bus.baud} ${bus.format}`}`].forEach((text) => add(row, "td", text));
       for (const [title, value] of Object.entries(columns)) {
         const count = value(bus.statistics);
         const cell = add(row, "td", typeof count === "number" ? figure(count) : count, true);
@@ -279,6 +284,7 @@ function showBuses(buses) {
     }
     return table;
   }).filter((table) => table.rows.length > 1));
+  readNodes(buses).catch((error) => { if (!polling.signal.aborted) banner("failed", error.message); });
 }
 
 function showSystem({ version, commit, uptime_ms, reset }) {
@@ -323,7 +329,7 @@ async function read() {
   }
 }
 
-const moves = () => [...axes.values()].some((axis) => axis.last?.state === "following");
+const moves = () => [...axes.values()].some((axis) => axis.last?.state === "following" || axis.last?.progress === "running");
 
 async function watch() {
   const others = [
