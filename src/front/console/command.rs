@@ -321,7 +321,10 @@ mod tests {
             Ok(Command::Axis(axis, AxisCommand::Move(Course { position, velocity })))
         };
         let pn037 = "Pn037".parse().expect("parameter");
-        let cases: [(&[u8], Result<Command<'_>, Mistake<'_>>); 31] = [
+        let cases: [(&[u8], Result<Command<'_>, Mistake<'_>>); 34] = [
+            (b"group u,v home", Ok(Command::Group("u,v", GroupCommand::Start(Goal::Homed)))),
+            (b"group u,v start fast", Err(Mistake::Mode("fast"))),
+            (b"group", Ok(Command::GroupStatus)),
             (b"axis x move -1000", to("x", -1000, None)),
             (b"axis u move -1000 50", to("u", -1000, Some(50))),
             (b"axis u move -1000 -50", Err(Mistake::Number("-50"))),
@@ -365,6 +368,9 @@ mod tests {
         assert!(jog(5).moves() && !jog(5).stops());
         assert!(jog(0).stops() && !jog(0).moves());
         assert!(Command::Axis("x", AxisCommand::Stop).stops());
+        let group = |command| Command::Group("x,y", command);
+        assert!(group(GroupCommand::Stop).stops() && !group(GroupCommand::Stop).moves());
+        assert!(group(GroupCommand::Start(Goal::Enabled)).moves());
         let there = Course { position: 0, velocity: None };
         for command in [AxisCommand::Move(there), AxisCommand::Home(None), AxisCommand::Velocity(0)] {
             let command = Command::Axis("x", command);

@@ -284,6 +284,7 @@ function showBuses(buses) {
     }
     return table;
   }).filter((table) => table.rows.length > 1));
+  readNodes(buses).catch((error) => { if (!polling.signal.aborted) banner("failed", error.message); });
 }
 
 function showSystem({ version, commit, uptime_ms, reset }) {
