@@ -4,27 +4,12 @@
 mod common;
 
 use common::Document;
-use common::can::{Adapter, Bus, await_open};
+use common::can::{Adapter, await_open};
 use common::client::Lines;
 use puente_canopen::Frame;
 use puente_cell::can::{Cell, Config, DriveConfig, Model};
-use puente_line::Instant;
 
 const SESSIONS: &str = include_str!("captures/lexium23a.txt");
-
-impl Bus for Cell {
-    fn send(&mut self, now: Instant, frame: &Frame) {
-        Cell::send(self, now, 0, frame);
-    }
-
-    fn poll(&mut self, now: Instant) -> Option<Frame> {
-        Cell::poll(self, now, 0)
-    }
-
-    fn poll_at(&self) -> Option<Instant> {
-        Cell::poll_at(self)
-    }
-}
 
 /// A line's frame, and what is said of it.
 fn parsed(text: &str) -> Frame {

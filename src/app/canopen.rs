@@ -28,7 +28,7 @@ const ENTRY: usize = 3 + 4 + 8;
 const AXIS: usize = 216;
 /// Bytes of what is written to one node, and to all of them; before each list there is its length.
 const MOST: usize = 4 + WRITES * ENTRY + AXIS;
-const ALL: usize = AXES * (4 + AXIS) + NODES * (4 + WRITES * ENTRY);
+const ALL: usize = AXES * (4 + AXIS + setup::MOST_WATCH) + NODES * (4 + WRITES * ENTRY);
 
 static ROOMS: [StaticCell<Room>; CANOPEN] = [const { StaticCell::new() }; CANOPEN];
 static LISTS: ConstStaticCell<[u8; ALL]> = ConstStaticCell::new([0; ALL]);
@@ -122,24 +122,25 @@ fn members_of<'s>(
         let axis = axes().find(|(_, axis, _)| axis.address == id).map(|(_, axis, cia402)| (axis, cia402));
         let usual = || Node::new(bus.name.clone(), id);
         let node = nodes().find(|node| node.id == id).cloned().unwrap_or_else(usual);
-        member(&node, axis, Duration::from_micros(canopen.sync_us.into()), lists)
+        member(&node, axis, canopen, lists)
     })
 }
 
 fn member(
     node: &Node,
     axis: Option<(&settings::Axis, &Cia402)>,
-    sync: Duration,
+    canopen: &Canopen,
     lists: &mut &'static mut [u8],
 ) -> Option<Member<'static>> {
+    let sync = Duration::from_micros(canopen.sync_us.into());
     let heartbeat =
         node.heartbeat_ms.or_else(|| (axis.is_some() && node.guard_ms == 0).then_some(AXIS_HEARTBEAT_MS));
     let (signs, supervision) = match (node.guard_ms, heartbeat) {
         (0, None) => (Signs::Unchanged, Supervision::Off),
         (0, Some(0)) => (Signs::Heartbeat(0), Supervision::Off),
-        // One may be lost, and the next be late.
         (0, Some(ms)) => {
-            (Signs::Heartbeat(ms), Supervision::Heartbeat { timeout: millis(ms.into()) * 5 / 2 })
+            let timeout = millis(lost_after(ms).into());
+            (Signs::Heartbeat(ms), Supervision::Heartbeat { timeout })
         }
         (ms, _) => {
             let (time, factor) = (millis(ms.into()), node.life_factor);
@@ -155,6 +156,7 @@ fn member(
             serial: node.serial,
         },
         configuration: list(node, axis, sync, lists),
+        wishes: axis.and_then(|_| watch(canopen, lists)).unwrap_or(List::EMPTY),
         signs,
         starts: node.start,
     };
@@ -171,15 +173,34 @@ fn list(
 ) -> List<'static> {
     let mut list = Vec::<u8, MOST>::new();
     let written = writes(&mut list, node, axis, sync);
-    let rest = core::mem::take(lists);
-    let (Ok(()), Some((place, rest))) = (written, rest.split_at_mut_checked(list.len())) else {
+    written.ok().and_then(|()| keep(&list, lists)).unwrap_or_else(|| {
         // There is room for the longest.
         log::error!("node {} of \"{}\": no room for what is written to it", node.id, node.bus);
-        return List::EMPTY;
-    };
-    place.copy_from_slice(&list);
+        List::EMPTY
+    })
+}
+
+/// What makes the drive of an axis stop when this gateway is gone.
+fn watch(canopen: &Canopen, lists: &mut &'static mut [u8]) -> Option<List<'static>> {
+    let timeout = lost_after(canopen.heartbeat_ms);
+    let manager = NodeId::new(canopen.node).filter(|_| timeout > 0)?;
+    let mut list = Vec::<u8, { setup::MOST_WATCH }>::new();
+    setup::push_watch(&mut list, manager, timeout).ok()?;
+    keep(&list, lists)
+}
+
+/// Who sends a heartbeat so often is lost after this, ms: one may be missing, and the next be late.
+const fn lost_after(heartbeat_ms: u16) -> u16 {
+    let ms = heartbeat_ms as u32 * 5 / 2;
+    if ms > u16::MAX as u32 { u16::MAX } else { ms as u16 }
+}
+
+/// Puts a list where it stays.
+fn keep(list: &[u8], lists: &mut &'static mut [u8]) -> Option<List<'static>> {
+    let (place, rest) = core::mem::take(lists).split_at_mut_checked(list.len())?;
+    place.copy_from_slice(list);
     *lists = rest;
-    List::parse(place).unwrap_or(List::EMPTY)
+    List::parse(place).ok()
 }
 
 fn writes(

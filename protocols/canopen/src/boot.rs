@@ -5,7 +5,7 @@ use core::fmt;
 
 use crate::dcf::List;
 use crate::lss::{Known, Part};
-use crate::sdo::Failure;
+use crate::sdo::{Abort, Failure};
 use crate::{Address, nmt, object};
 
 /// How a node is told to show that it is there.
@@ -33,6 +33,8 @@ pub struct Plan<'a> {
     pub identity: Known,
     /// What is written to it.
     pub configuration: List<'a>,
+    /// What is written to it after that where it takes it: a refusal counts for nothing, but is told.
+    pub wishes: List<'a>,
     /// How it shows that it is there.
     pub signs: Signs,
     /// It is started in the end.
@@ -45,6 +47,7 @@ impl Plan<'_> {
         device_type: None,
         identity: Known { vendor: None, product: None, revision: None, serial: None },
         configuration: List::EMPTY,
+        wishes: List::EMPTY,
         signs: Signs::Unchanged,
         starts: false,
     };
@@ -159,6 +162,7 @@ enum At {
     DeviceType,
     Identity(Part),
     Entry(usize),
+    Wish(usize),
     /// Of those that the signs take.
     Signs(u8),
     Start,
@@ -170,12 +174,13 @@ enum At {
 pub struct Boot<'a> {
     plan: Plan<'a>,
     at: At,
+    declined: Option<(Address, Abort)>,
 }
 
 impl<'a> Boot<'a> {
     /// Of a node that has said its boot-up, or has been told to reset its communication.
     pub fn new(plan: Plan<'a>) -> Self {
-        let mut boot = Self { plan, at: At::DeviceType };
+        let mut boot = Self { plan, at: At::DeviceType, declined: None };
         boot.skip();
         boot
     }
@@ -185,10 +190,8 @@ impl<'a> Boot<'a> {
         match self.at {
             At::DeviceType => Step::Read(object::DEVICE_TYPE),
             At::Identity(part) => Step::Read(Address::new(object::VENDOR.index, part as u8 + 1)),
-            At::Entry(number) => match self.plan.configuration.get(number) {
-                Some(entry) => Step::Write { address: entry.address, value: Value::Configured(entry.data) },
-                None => Step::Done,
-            },
+            At::Entry(number) => write(self.plan.configuration, number),
+            At::Wish(number) => write(self.plan.wishes, number),
             At::Signs(number) => match self.sign(number) {
                 Some((address, value)) => Step::Write { address, value },
                 None => Step::Done,
@@ -225,7 +228,10 @@ impl<'a> Boot<'a> {
                     return Err(Verdict::Failed { address: self.address(), failure });
                 }
             }
-            At::Entry(_) | At::Signs(_) => {
+            At::Wish(_) if matches!(result, Err(Failure::Aborted(_))) => {
+                self.declined = result.err().map(|failure| (self.address(), failure.code()));
+            }
+            At::Entry(_) | At::Wish(_) | At::Signs(_) => {
                 result.map_err(|failure| Verdict::Failed { address: self.address(), failure })?;
             }
             At::Start | At::Done => {}
@@ -233,6 +239,11 @@ impl<'a> Boot<'a> {
         self.at = self.after();
         self.skip();
         Ok(())
+    }
+
+    /// The wish that the node has declined last, and why. Told once.
+    pub const fn declined(&mut self) -> Option<(Address, Abort)> {
+        self.declined.take()
     }
 
     fn address(&self) -> Address {
@@ -254,6 +265,7 @@ impl<'a> Boot<'a> {
             At::DeviceType => At::Identity(Part::Vendor),
             At::Identity(part) => Part::from_number(part as u8 + 1).map_or(At::Entry(0), At::Identity),
             At::Entry(number) => At::Entry(number + 1),
+            At::Wish(number) => At::Wish(number + 1),
             At::Signs(number) => At::Signs(number + 1),
             At::Start | At::Done => At::Done,
         }
@@ -265,7 +277,8 @@ impl<'a> Boot<'a> {
             self.at = match self.at {
                 At::DeviceType if self.plan.device_type.is_none() => self.after(),
                 At::Identity(part) if self.plan.identity.part(part).is_none() => self.after(),
-                At::Entry(number) if self.plan.configuration.get(number).is_none() => At::Signs(0),
+                At::Entry(number) if self.plan.configuration.get(number).is_none() => At::Wish(0),
+                At::Wish(number) if self.plan.wishes.get(number).is_none() => At::Signs(0),
                 At::Signs(number) if self.sign(number).is_none() => At::Start,
                 At::Start if !self.plan.starts => At::Done,
                 _ => return,
@@ -282,5 +295,13 @@ impl<'a> Boot<'a> {
             (Signs::Guarding { factor, .. }, 2) => Some((object::LIFE_TIME_FACTOR, Value::U8(factor))),
             _ => None,
         }
+    }
+}
+
+/// The entry of this number is to be written.
+fn write(list: List<'_>, number: usize) -> Step<'_> {
+    match list.get(number) {
+        Some(entry) => Step::Write { address: entry.address, value: Value::Configured(entry.data) },
+        None => Step::Done,
     }
 }

@@ -47,6 +47,8 @@ pub const CYCLE_PERIOD: Address = Address::new(0x1006, 0);
 pub const GUARD_TIME: Address = Address::new(0x100C, 0);
 /// Life time factor.
 pub const LIFE_TIME_FACTOR: Address = Address::new(0x100D, 0);
+/// Consumer heartbeat time: of the first node that is watched, its node-ID in bits 16 to 23, the time in ms below.
+pub const HEARTBEAT_CONSUMER: Address = Address::new(0x1016, 1);
 /// Producer heartbeat time, ms.
 pub const HEARTBEAT_TIME: Address = Address::new(0x1017, 0);
 /// Identity: vendor.

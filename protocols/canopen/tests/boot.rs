@@ -29,6 +29,7 @@ fn plan(list: &[u8]) -> Plan<'_> {
         device_type: Some(0x0002_0192),
         identity: Known { vendor: Some(0x80), serial: Some(7), ..Known::default() },
         configuration: List::parse(list).expect("a list"),
+        wishes: List::EMPTY,
         signs: Signs::Heartbeat(100),
         starts: true,
     }
@@ -99,6 +100,7 @@ fn the_right_node_is_configured_and_started() {
         device_type: None,
         identity: Known::default(),
         configuration: List::default(),
+        wishes: List::EMPTY,
         signs: Signs::Unchanged,
         starts: false,
     };
@@ -157,6 +159,7 @@ fn a_node_without_heartbeat_is_guarded() {
         device_type: None,
         identity: Known::default(),
         configuration: List::default(),
+        wishes: List::EMPTY,
         signs: Signs::Guarding { time: 200, factor: 3 },
         starts: false,
     });

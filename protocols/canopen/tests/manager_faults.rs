@@ -192,6 +192,24 @@ fn a_wrong_node_is_told_once_left_alone_and_tried_again() {
 }
 
 #[test]
+fn a_wish_that_is_declined_is_told_and_no_more() {
+    let mut list = heapless::Vec::<u8, 64>::new();
+    let missing = Address::new(0x1A07, 1);
+    for address in [missing, Address::new(0x1400, 1)] {
+        dcf::push(&mut list, Entry { address, data: &[1] }).expect("room");
+    }
+    let plan = Plan { wishes: List::parse(&list).expect("a list"), ..member(2).plan };
+    let wished = Member { plan, ..member(2) };
+    let mut bus = Bus::<4, 2>::started(config(), &[wished, member(3)], vec![Node::new(2), Node::new(3)]);
+    bus.run(3_000);
+    let events = bus.events(2);
+    assert_eq!(events[..2], [Event::Declined(missing, Abort::NO_OBJECT), Event::Booted]);
+    assert!(bus.node(2).server.written.iter().any(|((index, _), _)| *index == 0x1400), "those after it");
+    bus.told.clear();
+    goes_on(&mut bus);
+}
+
+#[test]
 fn a_configuration_that_is_refused_is_told_with_its_object() {
     let mut list = heapless::Vec::<u8, 32>::new();
     let address = Address::new(0x1A07, 1);

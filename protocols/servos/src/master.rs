@@ -420,7 +420,7 @@ impl Drive {
             }
             Event::Booted => self.booted(now),
             Event::NotBooted(verdict) => self.refused(verdict),
-            Event::Missing => {}
+            Event::Missing | Event::Declined(..) => {}
         }
     }
 }

@@ -18,11 +18,13 @@
 use core::time::Duration;
 
 use heapless::Vec;
+use puente_canopen::NodeId;
 use puente_canopen::dcf::{self, Entry, Full};
+use puente_canopen::object::HEARTBEAT_CONSUMER;
 use puente_canopen::pdo::{CobId, Direction, Mapped, Pdo, Setup, Transmission};
 use puente_drives::cia402::object::{
-    HOMING_FAST, HOMING_METHOD, HOMING_SLOW, INTERPOLATION_RELATIVE, INTERPOLATION_SUBMODE, PERIOD_EXPONENT,
-    PERIOD_VALUE,
+    CONNECTION_OPTION, HOMING_FAST, HOMING_METHOD, HOMING_SLOW, INTERPOLATION_RELATIVE,
+    INTERPOLATION_SUBMODE, PERIOD_EXPONENT, PERIOD_VALUE,
 };
 use puente_drives::cia402::{Mode, Object, Period};
 
@@ -39,6 +41,12 @@ const VELOCITY_INHIBIT: u16 = 500;
 const MODE_INHIBIT: u16 = 1_000;
 /// Status and position come at least so often, ms, where the drive can.
 const POSITION_EVENT: u16 = 200;
+
+/// Bytes that [`push_watch`] adds at most.
+pub const MOST_WATCH: usize = 4 + (7 + 4) + (7 + 2);
+
+/// What a drive does when it hears its master no more (6007h): a quick stop.
+const STOPS: i16 = 3;
 
 /// The receive PDO that has the set-point of the cyclic mode.
 pub(crate) const SET_POINT: u16 = 4;
@@ -102,6 +110,18 @@ pub fn push<const N: usize>(list: &mut Vec<u8, N>, axis: &Axis, sync: Duration) 
         homing.slow.map(|speed| (HOMING_SLOW, speed.into())),
     ];
     values.into_iter().flatten().try_for_each(|(object, value)| write(list, object, value))
+}
+
+/// Adds to `list` what makes a drive stop by itself when the heartbeat of `manager` has not come for `timeout` ms: whom it
+/// watches (1016h:1, CiA 301, 7.5.2.11), and what it does then (6007h). Both are optional objects, so this belongs to the
+/// wishes of a plan.
+///
+/// # Errors
+/// `Full`: there is no room; `list` has some of it.
+pub fn push_watch<const N: usize>(list: &mut Vec<u8, N>, manager: NodeId, timeout: u16) -> Result<(), Full> {
+    let watched = u32::from(manager.value()) << 16 | u32::from(timeout);
+    dcf::push(list, Entry { address: HEARTBEAT_CONSUMER, data: &watched.to_le_bytes() })?;
+    write(list, CONNECTION_OPTION, STOPS.into())
 }
 
 fn receive<const N: usize>(list: &mut Vec<u8, N>, axis: &Axis, number: u16) -> Result<(), Full> {

@@ -1,7 +1,8 @@
 //! The desk as the pump of a CANopen bus sees it.
 
+use puente_canopen::emcy::Emergency;
 use puente_canopen::manager::{BusEvent, Counters, Event};
-use puente_canopen::{Frame, NodeId, lss, sdo};
+use puente_canopen::{Frame, NodeId, lss, monitor, sdo};
 use puente_line::Instant;
 
 use super::{Bus, Origin, What};
@@ -122,10 +123,12 @@ impl Exchange for CanBus<'_> {
     }
 
     fn happened(&self, now: Instant, node: NodeId, event: Event) {
+        log::log!(level(&event), "bus {}: node {node}: {event}", self.bus + 1);
         self.keep(now, What::Node(node, event));
     }
 
     fn happened_on_bus(&self, now: Instant, event: BusEvent) {
+        log::warn!("bus {}: {event}", self.bus + 1);
         self.keep(now, What::Bus(event));
     }
 
@@ -136,5 +139,17 @@ impl Exchange for CanBus<'_> {
 
     fn counted(&self, port: CanCounters, manager: Counters) {
         self.on_bus(|bus| bus.counted.counters(port, manager));
+    }
+}
+
+/// What somebody has to look after is a warning.
+const fn level(event: &Event) -> log::Level {
+    match event {
+        Event::Booted => log::Level::Info,
+        Event::Monitor(monitor::Event::Lost(_) | monitor::Event::Toggle) => log::Level::Warn,
+        Event::Monitor(_) => log::Level::Info,
+        Event::Emergency(emergency) if emergency.code == Emergency::RESET => log::Level::Info,
+        Event::Emergency(_) | Event::NotBooted(_) | Event::Missing => log::Level::Warn,
+        Event::Declined(..) | Event::DuplicateId(_) => log::Level::Warn,
     }
 }

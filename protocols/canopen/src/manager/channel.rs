@@ -5,8 +5,8 @@ use puente_line::Instant;
 
 use super::types::Sdo;
 use crate::boot::{Boot, Plan, Step, Verdict};
-use crate::sdo::{self, Client, Failure, Outcome, SEGMENT, Transfer};
-use crate::{Frame, NodeId, nmt, object};
+use crate::sdo::{self, Abort, Client, Failure, Outcome, SEGMENT, Transfer};
+use crate::{Address, Frame, NodeId, nmt, object};
 
 /// What a channel has to tell.
 pub(super) enum Said {
@@ -16,6 +16,8 @@ pub(super) enum Said {
     Present,
     /// This is to be commanded to the node.
     Command(nmt::Command),
+    /// The member has not taken this, and need not.
+    Declined(Address, Abort),
     Booted,
     NotBooted(Verdict),
     /// The member does not answer.
@@ -272,7 +274,9 @@ impl<'a> Channel<'a> {
             User::Boot(boot) => {
                 let long = end == Err(Failure::Cancelled) && !self.read.is_empty();
                 let result = if long { Ok(&self.read[..]) } else { end.map(|_| &self.read[..]) };
-                let verdict = boot.done(result).err()?;
+                let Err(verdict) = boot.done(result) else {
+                    return boot.declined().map(|(address, code)| Said::Declined(address, code));
+                };
                 self.user = User::Nobody;
                 Some(Said::NotBooted(verdict))
             }

@@ -11,7 +11,7 @@ use crate::emcy::Emergency;
 use crate::monitor::{self, Supervision};
 use crate::nmt::State;
 use crate::sdo::{self, SEGMENT};
-use crate::{Frame, Id, NodeId, lss, sync};
+use crate::{Address, Frame, Id, NodeId, lss, sync};
 
 /// How a manager works its bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -133,6 +133,8 @@ pub enum Event {
     Emergency(Emergency),
     /// The member is who it is to be, configured, and has been told to start where it is to.
     Booted,
+    /// The member has not taken a value that it need not take.
+    Declined(Address, sdo::Abort),
     /// The member answers, but is not booted. Told once for each verdict.
     NotBooted(Verdict),
     /// The member does not answer, and is not optional. Told once.
@@ -147,6 +149,7 @@ impl fmt::Display for Event {
             Self::Monitor(event) => event.fmt(f),
             Self::Emergency(emergency) => emergency.fmt(f),
             Self::Booted => f.write_str("configured"),
+            Self::Declined(address, code) => write!(f, "does not take {address}: {code}"),
             Self::NotBooted(verdict) => verdict.fmt(f),
             Self::Missing => f.write_str("missing"),
             Self::DuplicateId(evidence) => write!(f, "node-ID given twice: {evidence}"),

@@ -131,6 +131,7 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
                 }
                 return None;
             }
+            Said::Declined(address, code) => Event::Declined(address, code),
             Said::Booted => {
                 self.table.transferred(node, repeated);
                 self.counters.booted = self.counters.booted.wrapping_add(1);

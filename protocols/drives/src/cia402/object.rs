@@ -101,6 +101,7 @@ objects! {
     CONTROLWORD = 0x6040:0 U16, "Controlword";
     STATUSWORD = 0x6041:0 U16, "Statusword";
     VL_TARGET = 0x6042:0 I16, "Velocity mode: target, r/min";
+    CONNECTION_OPTION = 0x6007:0 I16, "What the loss of the master does";
     QUICK_STOP_OPTION = 0x605A:0 I16, "What a quick stop does";
     SHUTDOWN_OPTION = 0x605B:0 I16, "What a shutdown does";
     DISABLE_OPTION = 0x605C:0 I16, "What disable operation does";

@@ -30,6 +30,19 @@ fn others_go_on(rig: &mut Rig) {
     assert_eq!(rig.master.order(0), Order::Observe);
 }
 
+/// Two and a half heartbeats, and its ramp.
+#[test]
+fn drives_whose_master_is_gone_stop_by_themselves() {
+    let mut rig = running();
+    rig.alone_ms(70);
+    assert!(rig.velocity(1) > 1_000.0 && rig.velocity(2) > 1_000.0);
+    rig.alone_ms(500);
+    assert!(rig.velocity(1).abs() < 1.0 && rig.velocity(2).abs() < 1.0);
+    // It comes back, and nothing moves by itself.
+    rig.run_ms(1_000);
+    assert!(rig.velocity(1).abs() < 1.0 && rig.velocity(2).abs() < 1.0);
+}
+
 /// Nobody hears it any more, but it hears: the quick stop that it is told reaches it.
 #[test]
 fn a_node_that_is_lost_is_stopped() {

@@ -31,9 +31,13 @@ impl Rig {
             let mut list: heapless::Vec<u8, { setup::MOST }> = heapless::Vec::new();
             setup::push(&mut list, axis, sync).expect("room");
             let configuration = List::parse(list.to_vec().leak()).expect("a list");
+            let mut wishes: heapless::Vec<u8, { setup::MOST_WATCH }> = heapless::Vec::new();
+            setup::push_watch(&mut wishes, NodeId::MAX, 125).expect("room");
+            let wishes = List::parse(wishes.to_vec().leak()).expect("a list");
             let product = cell.node(axis.node.value()).map(|node| node.identity().product);
             let plan = Plan {
                 configuration,
+                wishes,
                 identity: Known { product, ..Known::default() },
                 signs: Signs::Heartbeat(50),
                 starts: true,
@@ -44,7 +48,7 @@ impl Rig {
         });
         let members: Vec<_> = members.collect();
         let now = Instant::from_millis(1);
-        let config = Config { sync, ..Config::new(NodeId::MAX) };
+        let config = Config { sync, heartbeat: Duration::from_millis(50), ..Config::new(NodeId::MAX) };
         let mut master = Box::new(Master::new(config, members, axes.iter().copied(), now));
         master.start(now);
         let mut rig = Self { cell, master, now, reports: vec![None; axes.len()], fell: Vec::new() };
@@ -73,6 +77,15 @@ impl Rig {
             }
         }
         self.poll();
+    }
+
+    /// The master is gone, or its cable.
+    pub fn alone_ms(&mut self, time: u64) {
+        let end = self.now + Duration::from_millis(time);
+        while self.now < end {
+            self.now = self.cell.poll_at().unwrap_or(end).max(self.now).min(end);
+            while self.cell.hear(self.now, 0).is_some() {}
+        }
     }
 
     fn poll(&mut self) {
