@@ -200,6 +200,11 @@ impl AxisLease {
         }
     }
 
+    /// The motion under this permit has come to its end. To be told to [`Desk::lease_ended`].
+    pub(super) fn end(&mut self, permit: Permit) {
+        self.lease.take_if(|lease| lease.holder == permit.holder);
+    }
+
     /// A lease that has run out counts as lost whether or not the watchman has seen it yet.
     fn refresh(&mut self, now: Instant) {
         if self.lease.as_ref().is_some_and(|lease| lease.until <= now) {
@@ -337,6 +342,11 @@ impl Desk {
     /// The holder of a permit gives its lease back with the axis at rest.
     pub fn release(&self, permit: Permit) {
         self.on_axis(permit.axis, |state| state.lease.take_if(|lease| lease.holder == permit.holder));
+    }
+
+    /// A lease has [ended](AxisLease::end) with its motion.
+    pub(super) fn lease_ended(&self, axis: u8) {
+        self.on_axis(axis, |_| ());
     }
 
     /// A connection has shown life.

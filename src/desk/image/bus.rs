@@ -79,10 +79,13 @@ impl<K: Kind> Image for BusImage<'_, K> {
             let slot = viewed(state, now, axis)?;
             let over = slot.view.reported(input);
             slot.wake();
-            over
+            // In the same moment: whoever sees the end may move it again, under a lease of its own.
+            let permit = over?;
+            state.leases.get_mut(usize::from(axis))?.end(permit);
+            Some(())
         });
-        if let Some(permit) = over {
-            self.desk.release(permit);
+        if over.is_some() {
+            self.desk.lease_ended(axis);
         }
     }
 
