@@ -49,14 +49,14 @@ pub const BOARDS: &[Board] = &[
     Board {
         name: "nucleo-h753zi",
         program: Program::Gateway,
-        budget: Some(Budget { flash: 704 * 1024, ram: 216 * 1024 }),
+        budget: Some(Budget { flash: 768 * 1024, ram: 216 * 1024 }),
     },
     Board { name: "nucleo-f767zi", program: Program::Gateway, budget: None },
     Board {
         name: "nucleo-f429zi",
         program: Program::Gateway,
-        // Flash without the sectors of the settings; main RAM, which the stack does not even need there.
-        budget: Some(Budget { flash: (2048 - 256) * 1024, ram: 192 * 1024 }),
+        // Flash without the sectors of the settings; main RAM and CCM.
+        budget: Some(Budget { flash: (2048 - 256) * 1024, ram: 256 * 1024 }),
     },
     Board {
         name: "nucleo-g474re",

@@ -78,9 +78,9 @@ fn read(path: &Path) -> Result<Vec<u8>, String> {
     fs::read(path).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// RAM of a Cortex-M: code and peripherals are elsewhere.
+/// RAM of a Cortex-M, and the CCM of an STM32F4, which is where others have code: code and peripherals are elsewhere.
 fn in_ram(address: u64) -> bool {
-    (0x2000_0000..0x4000_0000).contains(&address)
+    matches!(address, 0x1000_0000..0x1001_0000 | 0x2000_0000..0x4000_0000)
 }
 
 fn measure(file: &object::File<'_>) -> Result<Size, String> {
