@@ -136,11 +136,14 @@ impl<const EVENTS: usize> State<EVENTS> {
         event.or_else(|| Some(core::mem::take(&mut self.lost)).filter(|lost| *lost > 0).map(CanEvent::Lost))
     }
 
+    /// What the adapter's silence tells; false where that is nothing.
+    fn expire(&mut self, now: Instant) -> bool {
+        let event = self.client.expire(now);
+        event.map(|event| self.take(event)).is_some()
+    }
+
     /// What is to be written next, and until when to wait where that is nothing.
     fn next(&mut self, now: Instant) -> (Option<Text>, Option<Instant>) {
-        if let Some(event) = self.client.expire(now) {
-            self.take(event);
-        }
         if self.written == self.outgoing.len() {
             self.written = 0;
             self.outgoing = match self.client.poll(now) {
@@ -196,6 +199,10 @@ impl<W: Wire, const EVENTS: usize> Slcan<W, EVENTS> {
             } else {
                 Timer::after(RETRY).await;
             }
+            return;
+        }
+        if self.with(|state| state.expire(clock::now())) {
+            // Whoever reads has to hear of it: nothing else may happen for ever.
             return;
         }
         let (text, until) = self.with(|state| state.next(clock::now()));

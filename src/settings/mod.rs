@@ -53,7 +53,7 @@ pub struct Settings {
 }
 
 impl Serialize for Settings {
-    /// The compact form has no nodes here, see [`document::Later`].
+    /// The compact form has no nodes here, see `document::Later`.
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let readable = serializer.is_human_readable();
         let mut document = serializer.serialize_struct("Settings", document::FIELDS.len())?;

@@ -4,7 +4,7 @@
 //! Documents are compact (postcard), not text: two of the largest fit the buffer that one of them needs as JSON. The
 //! price is that a document has no keys: any change of what old documents have is a new `FORMAT`, with a reader for each
 //! old one that is to stay readable. A record of another format is refused as a whole. What is only added follows after the
-//! rest, where it says something ([`Later`]).
+//! rest, where it says something (`Later`).
 
 use serde::de::DeserializeSeed;
 

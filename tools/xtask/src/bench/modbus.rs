@@ -189,6 +189,6 @@ fn page(line: Settings, machine: &str, paced: &[Paced], unpaced: &[Unpaced]) -> 
     page.trim_end().to_owned()
 }
 
-fn row(cells: &[String]) -> String {
+pub fn row(cells: &[String]) -> String {
     format!("| {} |\n", cells.join(" | "))
 }

@@ -76,6 +76,8 @@ impl Cell {
 /// The gateway with one bus.
 pub struct Gateway {
     _running: Running,
+    /// Its port for all dialects.
+    pub main: SocketAddr,
     /// Its port for Modbus/TCP.
     pub address: SocketAddr,
 }
@@ -97,8 +99,13 @@ impl Gateway {
         fs::write(&settings, text).map_err(|error| format!("{}: {error}", settings.display()))?;
         let mut command = Command::new(bench.programs.join("gateway"));
         let (running, ready) = Running::start(command.arg("--config").arg(&settings))?;
-        let address = ready.rsplit_once("modbus-tcp://").and_then(|(_, address)| address.parse().ok());
-        let address = address.ok_or(format!("the gateway names no Modbus/TCP port: {ready}"))?;
-        Ok(Self { _running: running, address })
+        let named = |door: &str| {
+            let (_, address) = ready.split_once(door)?;
+            address.split_whitespace().next()?.parse().ok()
+        };
+        let missing = || format!("the gateway names no such port: {ready}");
+        let main = named("http://").ok_or_else(missing)?;
+        let address = named("modbus-tcp://").ok_or_else(missing)?;
+        Ok(Self { _running: running, main, address })
     }
 }
