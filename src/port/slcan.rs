@@ -109,6 +109,8 @@ impl<const EVENTS: usize> State<EVENTS> {
                 }
                 self.enter(CanState::Down);
             }
+            // Whoever waits for it is woken by any step.
+            Event::Room => {}
             Event::Flags(flags) => {
                 if flags.any(Flags::OVERRUN | Flags::RECEIVE_FULL) {
                     self.lose(1);

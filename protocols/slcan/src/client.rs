@@ -63,6 +63,8 @@ pub enum Event {
     Closed,
     /// What the adapter said of its bus.
     Flags(Flags),
+    /// There is room for a frame after one was not taken.
+    Room,
 }
 
 /// Why a frame is not taken.
@@ -199,17 +201,22 @@ impl Client {
         if !self.is_open() {
             return Err(Busy::Closed);
         }
+        self.waits = !self.has_room(now);
+        if self.waits {
+            return Err(Busy::Full);
+        }
+        self.next = Some(*frame);
+        Ok(())
+    }
+
+    /// Whether another frame is taken.
+    fn has_room(&self, now: Instant) -> bool {
         let room = if self.answers {
             self.again.is_empty() && self.asked.len() < WINDOW
         } else {
             now >= self.room_at()
         };
-        if !room || self.next.is_some() {
-            self.waits = true;
-            return Err(Busy::Full);
-        }
-        self.next = Some(*frame);
-        Ok(())
+        room && self.next.is_none()
     }
 
     /// Drops the frames that have not been said yet. What the adapter has cannot be called back.
@@ -332,6 +339,10 @@ impl Client {
             State::Open if self.answers && !self.asked.is_empty() && now >= self.due => {
                 return Some(self.close(State::Next(Step::Clear)));
             }
+            State::Open if self.waits && self.has_room(now) => {
+                self.waits = false;
+                return Some(Event::Room);
+            }
             _ => {}
         }
         None
@@ -357,7 +368,6 @@ impl Client {
 
     /// The next command to an open channel.
     fn say(&mut self, now: Instant) -> Action {
-        self.waits &= now < self.room_at();
         if self.flags_at.is_some_and(|at| now >= at) && !self.asked.is_full() {
             self.flags_at = Some(now + FLAGS);
             return self.ask(now, Asked::Flags);
