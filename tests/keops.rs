@@ -3,6 +3,7 @@
 mod common;
 
 use common::client::{Lines, value};
+use common::http::insist;
 use common::{Gateway, until};
 
 /// The example as it is delivered: three drives boot, answer by every way of access, and one of them moves.
@@ -25,4 +26,13 @@ fn the_example_has_three_drives() {
         "as the example has it written"
     );
     assert!(client.ask("node can 2 read 9999:1").starts_with("error abort "));
+    // Whoever changes the settings gets all of them first: nodes were left out once.
+    let text = include_str!("../examples/keops.toml");
+    let settings: serde_json::Value = toml::from_str(text).expect("a document");
+    let told = insist(gateway.main, "GET /api/config", "").json();
+    for list in ["bus", "axis", "node"] {
+        let count = |document: &serde_json::Value| document[list].as_array().map(Vec::len);
+        assert_eq!(count(&told), count(&settings), "{list}: {told}");
+    }
+    assert_eq!(told["node"][0]["id"], settings["node"][0]["id"]);
 }

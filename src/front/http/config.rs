@@ -1,6 +1,7 @@
 //! The settings: read, put, and confirmed.
 
 use embedded_io_async::{Read, Write};
+use serde::Serialize;
 
 use super::super::End;
 use super::super::inbox::Inbox;
@@ -50,18 +51,20 @@ pub(super) async fn receive<'k, R: Read>(
 pub(super) async fn send<W: Write>(settings: &Settings, reply: &mut Reply<'_, W>) -> Result<(), End> {
     reply.put(format_args!("{{\"version\":{},\"net\":", settings.version)).await?;
     reply.json(&settings.net).await?;
-    reply.put(format_args!(",\"bus\":[")).await?;
-    for (index, bus) in settings.buses.iter().enumerate() {
-        reply.put(format_args!("{}", if index > 0 { "," } else { "" })).await?;
-        reply.json(bus).await?;
-    }
-    reply.put(format_args!("],\"axis\":[")).await?;
-    for (index, axis) in settings.axes.iter().enumerate() {
-        reply.put(format_args!("{}", if index > 0 { "," } else { "" })).await?;
-        reply.json(axis).await?;
-    }
-    reply.put(format_args!("]}}")).await?;
+    list(reply, "bus", &settings.buses).await?;
+    list(reply, "axis", &settings.axes).await?;
+    list(reply, "node", &settings.nodes).await?;
+    reply.put(format_args!("}}")).await?;
     reply.finish().await
+}
+
+async fn list<W: Write>(reply: &mut Reply<'_, W>, key: &str, values: &[impl Serialize]) -> Result<(), End> {
+    reply.put(format_args!(",\"{key}\":[")).await?;
+    for (index, value) in values.iter().enumerate() {
+        reply.put(format_args!("{}", if index > 0 { "," } else { "" })).await?;
+        reply.json(value).await?;
+    }
+    reply.put(format_args!("]")).await
 }
 
 /// Changes the settings, where nobody's motion ends by it.
