@@ -204,10 +204,18 @@ fn history<const W: usize, const P: usize>(seed: u64, acts: usize, ways: u64) ->
     cuts
 }
 
+/// A document of the host is large, and there are several of them at once.
+fn roomy<R: Send + 'static>(f: impl FnOnce() -> R + Send + 'static) -> R {
+    let thread = std::thread::Builder::new().stack_size(64 << 20).spawn(f).expect("a thread");
+    thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}
+
 /// Words as large as the boards' own, and the least there are; pages so small that they are changed often.
 #[test]
 fn the_last_confirmed_document_outlasts_every_cut_of_the_power() {
-    let cuts = [history::<32, 4096>(1, 180, 4), history::<16, 4096>(2, 120, 3), history::<4, 4096>(3, 40, 1)];
+    let cuts =
+        || [history::<32, 4096>(1, 180, 4), history::<16, 4096>(2, 120, 3), history::<4, 4096>(3, 40, 1)];
+    let cuts = roomy(cuts);
     println!("{} cuts: {cuts:?} with words of 32, 16 and 4 bytes", cuts.iter().sum::<usize>());
     assert!(cuts.iter().sum::<usize>() >= 10_000);
 }
@@ -215,6 +223,10 @@ fn the_last_confirmed_document_outlasts_every_cut_of_the_power() {
 /// Pages as large as the default board's own, while they are changed.
 #[test]
 fn the_pages_of_a_board_are_changed() {
+    roomy(pages_are_changed);
+}
+
+fn pages_are_changed() {
     let mut random = Random::new(4);
     let mut nor = Nor::<32, { 128 * 1024 }>::blank();
     let mut model = Model { confirmed: None, trial: Trial::None };
