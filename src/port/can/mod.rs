@@ -85,6 +85,17 @@ pub enum CanState {
 }
 
 impl CanState {
+    /// The state of a controller that says these things of itself; the worst counts.
+    #[cfg(all(target_os = "none", feature = "nucleo", network))]
+    pub(super) const fn flagged(off: bool, passive: bool, warning: bool) -> Self {
+        match (off, passive, warning) {
+            (true, ..) => Self::Off,
+            (_, true, _) => Self::Passive,
+            (.., true) => Self::Warning,
+            _ => Self::Active,
+        }
+    }
+
     /// The state that follows from both error counters.
     pub const fn of(tx_errors: u8, rx_errors: u8) -> Self {
         match if tx_errors > rx_errors { tx_errors } else { rx_errors } {

@@ -16,27 +16,18 @@ use puente_line::Settings;
 
 use super::interrupt::{Interrupt, enable};
 use super::pacer::{LINE_A, LINE_B, Pacer};
+use super::registers::uart::{
+    BAUD_DIVIDER, CONTROL, DATA, INTERRUPT_CLEAR, LEAST_DIVIDER, RECEIVE_FULL, STATE, TRANSMIT_FULL,
+};
 use super::registers::{self, Registers};
 #[cfg(feature = "test-hooks")]
 use crate::port::embedded::hooks;
 use crate::port::{LineReader, LineWriter, SerialLine};
 
-const DATA: usize = 0x00;
-const STATE: usize = 0x04;
-const CONTROL: usize = 0x08;
-const INTERRUPT_CLEAR: usize = 0x0C;
-const BAUD_DIVIDER: usize = 0x10;
-
-/// State: the one character that there is room for has not gone out yet.
-const TRANSMIT_FULL: u32 = 0b01;
-/// State: a character has come in.
-const RECEIVE_FULL: u32 = 0b10;
 /// Control: transmitter and receiver,
 const ON: u32 = 0b0011;
 /// and an interrupt for a character that has come in.
 const LISTENING: u32 = ON | 0b1000;
-/// The least that the transmitter works with.
-const LEAST_DIVIDER: u32 = 16;
 const CLOCK: u32 = 25_000_000;
 
 /// Characters taken and not yet sent: a Modbus ASCII frame has 513.

@@ -20,6 +20,22 @@ pub(super) const EMULATOR: Registers = Registers(0x203F_F000);
 /// Whether the user button is held, 1 where it is.
 pub(super) const BUTTON: usize = 0x00;
 
+/// Registers of a UART, and their bits.
+pub(super) mod uart {
+    pub const DATA: usize = 0x00;
+    pub const STATE: usize = 0x04;
+    pub const CONTROL: usize = 0x08;
+    pub const INTERRUPT_CLEAR: usize = 0x0C;
+    pub const BAUD_DIVIDER: usize = 0x10;
+
+    /// State: the one character that there is room for has not gone out yet.
+    pub const TRANSMIT_FULL: u32 = 0b01;
+    /// State: a character has come in.
+    pub const RECEIVE_FULL: u32 = 0b10;
+    /// The least that the transmitter works with.
+    pub const LEAST_DIVIDER: u32 = 16;
+}
+
 impl Registers {
     /// A peripheral's size in the memory map.
     const SIZE: usize = 0x1000;

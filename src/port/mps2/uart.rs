@@ -10,23 +10,14 @@ use embassy_sync::waitqueue::AtomicWaker;
 use heapless::Deque;
 
 use super::interrupt::{Interrupt, enable};
+use super::registers::uart::{
+    BAUD_DIVIDER, CONTROL, DATA, INTERRUPT_CLEAR, LEAST_DIVIDER, RECEIVE_FULL, STATE, TRANSMIT_FULL,
+};
 use super::registers::{self, Registers};
 use crate::port::slcan::Wire;
 
-const DATA: usize = 0x00;
-const STATE: usize = 0x04;
-const CONTROL: usize = 0x08;
-const INTERRUPT_CLEAR: usize = 0x0C;
-const BAUD_DIVIDER: usize = 0x10;
-
-/// State: the one character that there is room for has not gone out yet.
-const TRANSMIT_FULL: u32 = 0b01;
-/// State: a character has come in.
-const RECEIVE_FULL: u32 = 0b10;
 /// Control: transmitter and receiver, with an interrupt for each character.
 const ON: u32 = 0b1111;
-/// The least that the transmitter works with.
-const LEAST_DIVIDER: u32 = 16;
 
 /// Characters received and not yet read.
 const RECEIVE: usize = 512;

@@ -58,12 +58,7 @@ impl Controller {
 
     pub(super) fn state(self) -> CanState {
         let status = self.0.esr().read();
-        match (status.boff(), status.epvf(), status.ewgf()) {
-            (true, ..) => CanState::Off,
-            (_, true, _) => CanState::Passive,
-            (.., true) => CanState::Warning,
-            _ => CanState::Active,
-        }
+        CanState::flagged(status.boff(), status.epvf(), status.ewgf())
     }
 
     /// The transmit and the receive error counter.

@@ -64,12 +64,7 @@ impl Controller {
 
     pub(super) fn state(self) -> CanState {
         let status = self.0.psr().read();
-        match (status.bo(), status.ep(), status.ew()) {
-            (true, ..) => CanState::Off,
-            (_, true, _) => CanState::Passive,
-            (.., true) => CanState::Warning,
-            _ => CanState::Active,
-        }
+        CanState::flagged(status.bo(), status.ep(), status.ew())
     }
 
     /// The transmit and the receive error counter.
