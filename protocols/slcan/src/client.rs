@@ -182,6 +182,8 @@ impl Client {
         self.state = state;
         self.answers = false;
         self.flags_at = None;
+        // That it opens again tells who waited.
+        self.waits = false;
         self.discard();
         self.asked.clear();
     }

@@ -318,6 +318,21 @@ fn discarded_frames_are_not_said() {
     assert_eq!(rig.run(), Vec::<String>::new(), "nor said again");
 }
 
+/// Found by fuzzing: a frame waited for room when the channel was closed, and was still said to wait when it was open again,
+/// by an adapter that had begun to say nothing. The client then wanted to be asked for ever.
+#[test]
+fn what_waited_before_a_closing_does_not_wait_after_it() {
+    let mut rig = Rig::answered();
+    rig.client.submit(rig.now, &frame(1)).expect("room");
+    assert_eq!(rig.client.submit(rig.now, &frame(2)), Err(Busy::Full));
+    assert_eq!(rig.run(), [Rig::say(1)]);
+    rig.hear("F00\r");
+    assert_eq!(rig.take(), [Event::Closed], "flags that nobody asked for are out of step");
+    rig.wait(100 + 250 + 250);
+    assert_eq!(rig.take(), [Event::Opened(Flow::Silent)], "and no room is told");
+    assert_eq!(rig.client.poll_at(), None);
+}
+
 proptest::proptest! {
     /// Whatever an adapter says, and whenever: no panic, and it does not want to be asked for ever.
     #[test]

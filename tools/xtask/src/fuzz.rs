@@ -2,17 +2,17 @@
 
 use std::fs;
 use std::process::Command;
-use std::time::Duration;
 
 use crate::Outcome;
 use crate::command::{Options, cargo, program, root, run as run_command, works};
 
-/// How long `--smoke` runs each target.
-const SMOKE: Duration = Duration::from_secs(60);
+/// `--smoke` runs each target for 60 s, each time on other input.
+const SMOKE: &[&str] = &["-max_total_time=60"];
+const CARGO_FUZZ: &str = "cargo-fuzz@0.13.2";
 
 pub fn run(arguments: &[String]) -> Outcome {
     let mut options = Options::new(arguments);
-    let time = options.flag("--smoke").then_some(SMOKE);
+    let smoke = options.flag("--smoke");
     let target = options.word();
     options.end()?;
     match target {
@@ -21,19 +21,20 @@ pub fn run(arguments: &[String]) -> Outcome {
         }
         Some(target) => {
             let way = Way::find()?;
-            way.fuzz(target, time)
+            way.fuzz(target, if smoke { SMOKE } else { &[] })
         }
-        None => all(time.ok_or_else(|| format!("name a target, or --smoke for all: {}", names()))?),
+        None if smoke => all(SMOKE),
+        None => Err(format!("name a target, or --smoke for all: {}", names())),
     }
 }
 
-/// Runs every target for `time`.
-pub fn all(time: Duration) -> Outcome {
+/// Runs every target with these options of libFuzzer.
+pub fn all(options: &[&str]) -> Outcome {
     let targets = targets()?;
     let way = Way::find()?;
     for target in &targets {
-        println!("fuzz {target} for {} s", time.as_secs());
-        way.fuzz(target, Some(time))?;
+        println!("fuzz {target} {}", options.join(" "));
+        way.fuzz(target, options)?;
     }
     Ok(())
 }
@@ -61,8 +62,8 @@ enum Way {
 impl Way {
     fn find() -> Result<Self, String> {
         if !works(cargo().args(["fuzz", "--version"])) {
-            println!("installing cargo-fuzz");
-            run_command(cargo().args(["install", "cargo-fuzz", "--locked", "--quiet"]))?;
+            println!("installing {CARGO_FUZZ}");
+            run_command(cargo().args(["install", CARGO_FUZZ, "--locked", "--quiet"]))?;
         }
         if works(program("rustc").args(["+nightly", "--version"])) {
             return Ok(Self::Nightly);
@@ -71,7 +72,7 @@ impl Way {
         Ok(Self::Bootstrap)
     }
 
-    fn fuzz(&self, target: &str, time: Option<Duration>) -> Outcome {
+    fn fuzz(&self, target: &str, options: &[&str]) -> Outcome {
         let mut command: Command = match self {
             // The rustup proxy: the cargo that runs us would not change to another toolchain.
             Self::Nightly => {
@@ -85,10 +86,7 @@ impl Way {
                 command
             }
         };
-        command.args(["fuzz", "run", target, "--"]);
-        if let Some(time) = time {
-            command.arg(format!("-max_total_time={}", time.as_secs()));
-        }
+        command.args(["fuzz", "run", target, "--"]).args(options);
         run_command(&mut command)
     }
 }
