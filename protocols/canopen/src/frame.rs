@@ -138,37 +138,94 @@ impl Frame {
 /// CRC delimiter, acknowledgement and its delimiter, end of frame, intermission: never stuffed.
 const UNSTUFFED: u32 = 1 + 2 + 7 + 3;
 
-/// Counts bits, with those that are stuffed in after five alike, and takes the CRC of those pushed.
+/// Counts bits, with those that are stuffed in after five alike, and takes the CRC of those pushed. Every frame of a busy
+/// bus is counted, so it goes by four bits at a time.
 struct Stuffed {
     count: u32,
-    last: u32,
-    alike: u32,
+    run: Run,
     crc: u16,
 }
 
 impl Stuffed {
     const fn new() -> Self {
-        Self { count: 0, last: 2, alike: 0, crc: 0 }
+        Self { count: 0, run: Run::NONE, crc: 0 }
     }
 
     /// The lowest `count` bits of `value`, the highest first.
     fn push(&mut self, value: u32, count: u32) {
-        for at in (0..count).rev() {
-            let bit = value >> at & 1;
+        self.count += count;
+        let fours = count / 4;
+        for at in (4 * fours..count).rev() {
+            let bit = (value >> at & 1) as u8;
             self.crc = crc15(self.crc, bit);
-            self.count += 1;
-            self.alike = if bit == self.last { self.alike + 1 } else { 1 };
-            self.last = bit;
-            if self.alike == 5 {
-                self.count += 1;
-                self.last = 1 - bit;
-                self.alike = 1;
-            }
+            self.follow(self.run.then(bit));
         }
+        for at in (0..fours).rev() {
+            let four = value >> (4 * at) & 15;
+            self.crc = self.crc << 4 & 0x7FFF ^ CRC_OF_FOUR[usize::from(self.crc >> 11) ^ four as usize];
+            self.follow(RUN_AFTER_FOUR[usize::from(self.run.0)][four as usize]);
+        }
+    }
+
+    const fn follow(&mut self, (run, stuffed): (Run, u8)) {
+        self.run = run;
+        self.count += stuffed as u32;
     }
 }
 
-const fn crc15(crc: u16, bit: u32) -> u16 {
+/// How many bits were alike at last, 0 to 4, and five more where they were ones.
+#[derive(Clone, Copy)]
+struct Run(u8);
+
+impl Run {
+    /// Of nothing yet.
+    const NONE: Self = Self(0);
+    const COUNT: usize = 10;
+
+    /// After another bit, and how many were stuffed in: after five alike one that is not.
+    const fn then(self, bit: u8) -> (Self, u8) {
+        let alike = if self.0 / 5 == bit { self.0 % 5 + 1 } else { 1 };
+        if alike == 5 { (Self(5 * (1 - bit) + 1), 1) } else { (Self(5 * bit + alike), 0) }
+    }
+
+    /// After another four bits.
+    const fn then_four(self, four: u8) -> (Self, u8) {
+        let (mut run, mut all, mut at) = (self, 0, 4);
+        while at > 0 {
+            at -= 1;
+            let (after, stuffed) = run.then(four >> at & 1);
+            (run, all) = (after, all + stuffed);
+        }
+        (run, all)
+    }
+}
+
+const RUN_AFTER_FOUR: [[(Run, u8); 16]; Run::COUNT] = {
+    let mut table = [[(Run::NONE, 0); 16]; Run::COUNT];
+    let mut at = 0;
+    while at < 16 * Run::COUNT {
+        table[at / 16][at % 16] = Run(at as u8 / 16).then_four(at as u8 % 16);
+        at += 1;
+    }
+    table
+};
+
+/// What the CRC is after four bits that differ so from its first four, and zeros else.
+const CRC_OF_FOUR: [u16; 16] = {
+    let mut table = [0; 16];
+    let mut four = 0;
+    while four < 16 {
+        let mut at = 4;
+        while at > 0 {
+            at -= 1;
+            table[four] = crc15(table[four], (four >> at & 1) as u8);
+        }
+        four += 1;
+    }
+    table
+};
+
+const fn crc15(crc: u16, bit: u8) -> u16 {
     let feed = crc >> 14 & 1 ^ bit as u16;
     let shifted = crc << 1 & 0x7FFF;
     if feed == 1 { shifted ^ 0x4599 } else { shifted }
@@ -198,5 +255,17 @@ mod tests {
         // 11111 0 0000 1: the stuff bit counts as the first of the zeros.
         bits.push(0b1_1111_0000, 9);
         assert_eq!(bits.count, 11);
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn four_at_a_time_are_as_one_at_a_time(pieces in proptest::collection::vec((0..u32::MAX, 0..19u32), 0..20)) {
+            let (mut fours, mut ones) = (Stuffed::new(), Stuffed::new());
+            for (value, count) in pieces {
+                fours.push(value, count);
+                (0..count).rev().for_each(|at| ones.push(value >> at, 1));
+                assert_eq!((fours.count, fours.crc, fours.run.0), (ones.count, ones.crc, ones.run.0));
+            }
+        }
     }
 }

@@ -1,4 +1,6 @@
 //! A UART without a line's manners: characters take no time, and none is lost. QEMU holds those back that find no room.
+//!
+//! It is an SLCAN adapter's: whoever reads is woken for whole lines, as a CAN controller would for frames.
 
 use core::cell::RefCell;
 use core::future::poll_fn;
@@ -18,6 +20,9 @@ use crate::port::slcan::Wire;
 
 /// Control: transmitter and receiver, with an interrupt for each character.
 const ON: u32 = 0b1111;
+
+/// What a line of an adapter ends with.
+const ENDS: [u8; 2] = *b"\r\x07";
 
 /// Characters received and not yet read.
 const RECEIVE: usize = 512;
@@ -69,27 +74,34 @@ impl Uart {
     /// A character has come in, or gone out.
     pub(super) fn interrupted(&self) {
         self.registers.write(INTERRUPT_CLEAR, 0b11);
-        self.with(|buffers| {
-            self.take(buffers);
-            self.send(buffers);
-        });
-        self.reader.wake();
-        self.writer.wake();
-    }
-
-    /// Takes what has come in, as far as there is room. The rest stays where it is.
-    fn take(&self, buffers: &mut Buffers) {
-        while !buffers.incoming.is_full() && self.registers.read(STATE) & RECEIVE_FULL != 0 {
-            let _ = buffers.incoming.push_back(self.registers.read(DATA) as u8);
+        let (readable, writable) = self.with(|buffers| (self.take(buffers), self.send(buffers)));
+        if readable {
+            self.reader.wake();
+        }
+        if writable {
+            self.writer.wake();
         }
     }
 
-    /// Sends as much as goes out at once.
-    fn send(&self, buffers: &mut Buffers) {
+    /// Takes what has come in, as far as there is room. The rest stays where it is. True where a line has ended, or where
+    /// there is no room for the rest of one.
+    fn take(&self, buffers: &mut Buffers) -> bool {
+        let mut ended = false;
+        while !buffers.incoming.is_full() && self.registers.read(STATE) & RECEIVE_FULL != 0 {
+            let character = self.registers.read(DATA) as u8;
+            let _ = buffers.incoming.push_back(character);
+            ended |= ENDS.contains(&character);
+        }
+        ended || buffers.incoming.is_full()
+    }
+
+    /// Sends as much as goes out at once. True where nothing is left.
+    fn send(&self, buffers: &mut Buffers) -> bool {
         while self.registers.read(STATE) & TRANSMIT_FULL == 0 {
             let Some(character) = buffers.outgoing.pop_front() else { break };
             self.registers.write(DATA, u32::from(character));
         }
+        buffers.outgoing.is_empty()
     }
 }
 

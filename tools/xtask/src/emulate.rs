@@ -39,8 +39,8 @@ pub fn run(arguments: &[String]) -> Outcome {
     options.end()?;
     let image = image(firmware::build)?;
     run_command(cargo().args(["build", "--package", "cell", "--bin", "cell", "--quiet"]))?;
-    let cell = Cell::start(&mut Command::new(target_dir()?.join("debug/cell")))?;
-    let setup = Setup { ports, ..Setup::new(image, cell.line) };
+    let cell = Cell::start(&mut Command::new(target_dir()?.join("debug/cell")), Door::Line)?;
+    let setup = Setup { ports, ..Setup::new(image, cell.address) };
     let mut board = Emulator::start(&setup, |line| eprintln!("{line}"))?;
     println!("ready http://{} modbus-tcp://{}", board.main, board.modbus);
     match board.wait() {
@@ -94,23 +94,37 @@ pub fn image_of(
     build(&Cross::find()?, board)
 }
 
+/// How a client comes to a simulated cell.
+#[derive(Clone, Copy)]
+pub enum Door {
+    /// Raw bytes of its line.
+    Line,
+    /// An SLCAN adapter on its CAN bus.
+    Slcan,
+}
+
 /// The simulated cell on a TCP port; it ends with this value.
 pub struct Cell {
     child: Child,
-    /// Where raw bytes of its line are taken and given.
-    pub line: SocketAddr,
+    /// Where its door is.
+    pub address: SocketAddr,
 }
 
 impl Cell {
-    pub fn start(program: &mut Command) -> Result<Self, String> {
-        program.args(["--listen", "127.0.0.1:0"]).stdin(Stdio::null()).stdout(Stdio::piped());
+    pub fn start(program: &mut Command, door: Door) -> Result<Self, String> {
+        let option = match door {
+            Door::Line => "--listen",
+            Door::Slcan => "--slcan",
+        };
+        program.args([option, "127.0.0.1:0"]).stdin(Stdio::null()).stdout(Stdio::piped());
         let mut child = tie(program).spawn().map_err(|error| format!("the cell: {error}"))?;
         let mut ready = String::new();
         if let Some(stdout) = child.stdout.take() {
             BufReader::new(stdout).read_line(&mut ready).map_err(|error| format!("the cell: {error}"))?;
         }
-        let line = ready.trim_end().strip_prefix("ready tcp ").and_then(|line| line.parse().ok());
-        Ok(Self { child, line: line.ok_or(format!("the cell says '{ready}'"))? })
+        let address =
+            ready.strip_prefix("ready ").and_then(|name| name.split_whitespace().last()?.parse().ok());
+        Ok(Self { child, address: address.ok_or(format!("the cell says '{ready}'"))? })
     }
 }
 

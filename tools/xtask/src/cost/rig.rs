@@ -1,4 +1,4 @@
-//! The emulated board with a counter of its instructions, and the simulated cell on its line.
+//! The emulated board with a counter of its instructions, and simulated cells on its line and its CAN bus.
 
 use std::fs::File;
 use std::os::unix::fs::FileExt;
@@ -11,14 +11,15 @@ use puente_emulator::{Emulator, QEMU, Setup};
 
 use crate::command::{cargo, run as run_command, target_dir};
 use crate::cross::Cross;
-use crate::emulate::{self, Cell};
+use crate::emulate::{self, Cell, Door};
 use crate::firmware;
 
 /// The firmware has work of its own after its start: an address, the first probes.
 const START: Duration = Duration::from_secs(2);
-/// The factory settings but for the line, which is Modbus RTU at 115200 8E1.
+/// The factory settings but for the line, which is Modbus RTU at 115200 8E1, and a CAN bus.
 const SETTINGS: &str = r#"{"net":{"port":80,"modbus_port":502},
-"bus":[{"name":"a","protocol":"modbus-rtu","port":"rs485-a","baud":115200,"format":"8E1"}],
+"bus":[{"name":"a","protocol":"modbus-rtu","port":"rs485-a","baud":115200,"format":"8E1"},
+{"name":"can","protocol":"canopen","port":"can-1","bitrate":1000000}],
 "axis":[{"name":"x","bus":"a","drive":"edb","address":1}]}"#;
 /// A window without transactions, and how many there are.
 const IDLE: (Duration, usize) = (Duration::from_millis(200), 9);
@@ -27,7 +28,7 @@ pub struct Rig {
     pub board: Emulator,
     pub image: PathBuf,
     counts: File,
-    _cell: Cell,
+    _cells: [Cell; 2],
 }
 
 impl Rig {
@@ -36,19 +37,23 @@ impl Rig {
         run_command(cargo().args(["build", "--package", "cell", "--bin", "cell", "--quiet"]))?;
         let library = plugin()?;
         let target = target_dir()?;
-        let mut cell = Command::new(target.join("debug/cell"));
+        let cell = || Command::new(target.join("debug/cell"));
+        let can = Cell::start(cell().args(["canopen", "--drive", "2=generic"]), Door::Slcan)?;
+        let mut cell = cell();
         // As many registers as Modbus allows, where the drives have fewer; and the board's line alone keeps to the times
         // of the characters. The drive answers before TCP acknowledges the request by itself, after 10 ms.
         cell.args(["--protocol", "modbus-rtu", "--baud", "115200", "--format", "8E1"]);
-        let cell = Cell::start(cell.args(["--max-read", "125", "--unpaced", "--reply-delay-ms", "1"]))?;
+        cell.args(["--max-read", "125", "--unpaced", "--reply-delay-ms", "1"]);
+        let line = Cell::start(&mut cell, Door::Line)?;
         let counts = target.join("instructions");
         let plugin = format!("{},counts={}", library.display(), counts.display());
-        let setup = Setup { plugin: Some(plugin), ..Setup::new(&image, cell.line) };
+        let cans = [Some(can.address), None];
+        let setup = Setup { plugin: Some(plugin), cans, ..Setup::new(&image, line.address) };
         let board = Emulator::start(&setup, |_| {})?;
         emulate::configure(board.main, SETTINGS, "modbus-rtu")?;
         thread::sleep(START);
         let counts = File::open(&counts).map_err(|error| format!("{}: {error}", counts.display()))?;
-        Ok(Self { board, image, counts, _cell: cell })
+        Ok(Self { board, image, counts, _cells: [line, can] })
     }
 
     /// Instructions since the start.

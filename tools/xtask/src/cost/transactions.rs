@@ -91,6 +91,16 @@ pub const ALL: &[Transaction] = &[
         batches: 7,
     },
     Transaction {
+        name: "CiA 309-3, SDO read of 4 bytes",
+        short: "sdo",
+        connect: |board| connect(board.main),
+        exchange: |connection| {
+            connection.say(b"[1] 2 read 0x1000 0 u32\r\n", |reply| reply == b"[1] 131474\r\n")
+        },
+        batch: 10,
+        batches: 9,
+    },
+    Transaction {
         name: "HTTP GET of an axis",
         short: "http",
         connect: |board| connect(board.main),
