@@ -56,6 +56,11 @@ impl Rig {
         Lines::connect(self.gateway.main)
     }
 
+    /// What HTTP tells of the group.
+    fn group(&self) -> serde_json::Value {
+        insist(self.gateway.main, "GET /api/group", "").json()
+    }
+
     /// A client that turns all three axes.
     fn turning(&self) -> Lines {
         let mut commander = self.client();
@@ -320,6 +325,7 @@ fn a_node_that_babbles_and_one_that_is_bus_off_hold_nobody_up() {
 #[test]
 fn a_group_goes_through_its_stages_together() {
     let rig = Rig::new(5_000);
+    assert_eq!(rig.group(), json!(null));
     let mut client = rig.client();
     // Home of w is far away: u and v wait for it.
     client.ok("group u,v,w home");
@@ -361,10 +367,16 @@ fn one_that_fails_or_a_commander_that_is_gone_stops_the_group() {
     });
     let mut other = rig.client();
     assert!(other.ok("group status").contains("awaits=u,v,w"));
+    let told = rig.group();
+    assert_eq!((&told["axes"], &told["stage"]), (&json!(["u", "v", "w"]), &json!("homing")), "{told}");
+    assert_eq!((&told["awaits"], &told["failed"]), (&told["axes"], &json!(null)), "{told}");
     other.error("group u,v home", "busy");
     rig.suffer(3, Fault::Drive(DriveFault::OverCurrent));
     until("it is told", || value(&other.ok("group status"), "stage") == Some("failed"));
     assert_eq!(value(&other.ok("group status"), "axis"), Some("v"));
+    let told = rig.group();
+    assert_eq!((&told["awaits"], &told["failed"]["axis"]), (&json!([]), &json!("v")), "{told}");
+    assert_eq!(told["failed"]["error"]["code"], "fault", "{told}");
     for (_, id) in AXES {
         until("it stands", || rig.velocity(id) == 0.0);
         assert_ne!(rig.state(id), State::OperationEnabled);

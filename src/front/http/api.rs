@@ -39,6 +39,7 @@ pub(super) enum Task {
     SetGains(u8, Gains),
     Parameter(u8, Parameter),
     SetParameter(u8, Parameter, u16),
+    Group,
     Buses,
     Nodes(nodes::Task),
     System,
@@ -113,6 +114,7 @@ pub(super) fn understand(
                 _ => Task::Parameter(id, parameter),
             }
         }
+        Resource::Group => Task::Group,
         Resource::Buses => Task::Buses,
         Resource::Nodes(bus, path) => {
             let by = commander(guest, head);
@@ -191,6 +193,10 @@ impl Call<'_> {
             Task::SetParameter(id, parameter, value) => {
                 self.gateway.axes.set_parameter(id, self.by, parameter, value).await?;
                 self.value(id, parameter, value, reply).await?;
+            }
+            Task::Group => {
+                let axes = &self.gateway.axes;
+                reply.value(&axes.group().map(|run| view::Group::new(axes, &run))).await?;
             }
             Task::Buses => self.buses(reply).await?,
             Task::Nodes(task) => self.nodes(task, reply).await?,

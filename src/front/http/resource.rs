@@ -21,6 +21,8 @@ pub(super) enum Resource<'p> {
     Gains(&'p str),
     /// `/api/axes/NAME/parameters/PARAMETER`
     Parameter(&'p str, &'p str),
+    /// `/api/group`
+    Group,
     /// `/api/buses`
     Buses,
     /// `/api/buses/NAME/nodes` and what is under it
@@ -66,6 +68,7 @@ impl<'p> Resource<'p> {
             ["api", "axes", axis, "gains"] => Resource::Gains(axis),
             ["api", "axes", axis, command] => Resource::Command(axis, Command::find(command)?),
             ["api", "axes", axis, "parameters", parameter] => Resource::Parameter(axis, parameter),
+            ["api", "group"] => Resource::Group,
             ["api", "buses"] => Resource::Buses,
             ["api", "buses", bus, "nodes", ref rest @ ..] => Resource::Nodes(bus, Path::find(rest)?),
             ["api", "config"] => Resource::Config,
@@ -89,6 +92,7 @@ impl<'p> Resource<'p> {
             Resource::Asset(_)
             | Resource::Axes
             | Resource::Axis(_)
+            | Resource::Group
             | Resource::Buses
             | Resource::System
             | Resource::Log

@@ -2,6 +2,7 @@
 
 mod axis;
 mod bus;
+mod group;
 
 use core::fmt;
 
@@ -14,6 +15,7 @@ use crate::clock;
 use crate::settings::keeper::{Keeper, TRIAL};
 pub(super) use axis::{Axis, Commanded, Findings, jog_rpm};
 pub(super) use bus::Bus;
+pub(super) use group::Group;
 
 /// A value that is shown as the text it has for people.
 pub(super) struct Text<T>(pub T);

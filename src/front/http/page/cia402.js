@@ -3,6 +3,8 @@
 // Axes of drive "cia402": a servo drive on a CANopen bus. panel.js has what all axes share.
 
 const cia402 = {
+  reportsChanges: true, // while its node is there, what it last said is so
+
   build(axis) {
     const { part } = axis;
     const move = part("move");

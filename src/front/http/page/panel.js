@@ -233,7 +233,7 @@ function show(axis, data) {
   part("state").className = `state ${mood}`;
   write("state", word);
   write("age", data.age_ms === null ? "never read" : `${age(data.age_ms)} ago`);
-  card.classList.toggle("stale", data.age_ms === null || data.age_ms > STALE_MS || !data.online);
+  card.classList.toggle("stale", data.age_ms === null || (data.age_ms > STALE_MS && !kind.reportsChanges) || !data.online);
   const alarm = kind.alarm(data);
   const text = notes(axis, data, alarm);
   part("note").hidden = !text;
@@ -293,6 +293,12 @@ function showSystem({ version, commit, uptime_ms, reset }) {
   $("system").textContent = `puente ${version} (${commit}), up ${up}${after}`;
 }
 
+// Axes that go through the same stages together, until they have come to the end.
+function showGroup(group) {
+  const goes = group && !group.failed && group.stage !== "done";
+  banner("group", goes ? `Group ${group.axes.join(", ")}: ${group.stage}, waits for ${group.awaits.join(", ")}` : "");
+}
+
 function banner(id, text) {
   if ($(id).textContent !== text) $(id).textContent = text;
   $(id).hidden = !text;
@@ -334,6 +340,7 @@ const moves = () => [...axes.values()].some((axis) => axis.last?.state === "foll
 async function watch() {
   const others = [
     { path: "api/system", show: showSystem, every: 10_000, due: 0 },
+    { path: "api/group", show: showGroup, every: 1000, due: 250 },
     { path: "api/buses", show: showBuses, every: 1000, due: 0 },
     { path: "api/config/state", show: showTrial, every: 1000, due: 500 },
   ];
