@@ -179,6 +179,10 @@ fn over_http() {
         json!("v")
     );
     until("it arrives", || get()["position"] == json!(700) && get()["lease"].is_null());
+    let metrics = insist(rig.gateway.main, "GET /metrics", "").body;
+    for line in ["puente_axis_position_units{axis=\"v\"} 700", "puente_axis_fault{axis=\"v\"} 0"] {
+        assert!(metrics.lines().any(|told| told == line), "{line}: {metrics}");
+    }
     assert_eq!(post("v/velocity", json!({"velocity": 100, "hold_ms": 5000}))["mode"], json!("pv"));
     assert_eq!(post("v/mode", json!({"mode": "fast"}))["error"]["code"], json!("mode"));
     post("v/stop", json!({}));

@@ -381,6 +381,11 @@ pub const fn powered(state: State) -> bool {
     matches!(state, State::OperationEnabled | State::QuickStopActive | State::FaultReactionActive)
 }
 
+/// Whether a drive is in a fault in this state.
+pub const fn faulted(state: State) -> bool {
+    matches!(state, State::FaultReactionActive | State::Fault)
+}
+
 /// The name of a state, as clients see it.
 pub const fn state(state: State) -> &'static str {
     match state {

@@ -1,21 +1,16 @@
 //! What is measured, as text for Prometheus (exposition format 0.0.4).
 
+mod axes;
 mod can;
 mod cyclic;
 
 use core::fmt;
 
 use embedded_io_async::Write;
-use puente_drives::edb::Monitor;
-use puente_drives::pid::State;
-use puente_line::Instant;
 use puente_modbus::Counters;
-use puente_modules::Report;
 
 use super::super::{End, Gateway};
 use super::reply::Reply;
-use super::view;
-use crate::axis::{Known, cia402, pid};
 use crate::clock;
 use crate::desk::{BUCKETS_MS, Statistics};
 
@@ -51,68 +46,6 @@ const LINE: [Count<Counters>; 12] = [
     ("line-error", |line| line.line_errors),
 ];
 
-type Gauge = (&'static str, &'static str, fn(&Known) -> Option<i64>);
-
-/// The last values of an axis.
-const AXIS: [Gauge; 10] = [
-    ("puente_axis_speed_rpm", "Speed feedback.", |known| Some(monitor(known)?.speed_feedback.into())),
-    ("puente_axis_torque_percent", "Internal torque reference, of rated torque.", |known| {
-        Some(monitor(known)?.internal_torque_reference.into())
-    }),
-    ("puente_axis_position_pulses", "Present position.", |known| Some(monitor(known)?.position.into())),
-    ("puente_axis_alarm", "Number of the present alarm, 0 for none.", |known| {
-        Some(monitor(known)?.alarm.into())
-    }),
-    ("puente_axis_jog_rpm", "Commanded jog.", |known| match known {
-        Known::Edb(known) => view::jog_rpm(known.jog).map(i64::from),
-        Known::Pid(_) | Known::Cia402(_) => None,
-    }),
-    ("puente_axis_position_counts", "Present position.", |known| Some(report(known)?.position.into())),
-    ("puente_axis_following_error_counts", "Reference less position.", |known| {
-        Some(report(known)?.following_error.into())
-    }),
-    ("puente_axis_velocity_counts", "Velocity, a second.", |known| Some(report(known)?.velocity as i64)),
-    ("puente_axis_fault", "1 while the module is in a fault.", |known| {
-        Some(matches!(report(known)?.state, State::Fault(_)).into())
-    }),
-    (
-        "puente_axis_enabled",
-        "1 where the servo is enabled, through the gateway or by its own word.",
-        |known| {
-            match known {
-                Known::Edb(known) => known.enabled,
-                Known::Pid(_) => report(known).map(|report| pid::enabled(report.state)),
-                Known::Cia402(view) => {
-                    view.servo().and_then(|(_, report)| report.state()).map(cia402::powered)
-                }
-            }
-            .map(i64::from)
-        },
-    ),
-];
-
-fn monitor(known: &Known) -> Option<Monitor> {
-    match known {
-        Known::Edb(known) => known.snapshot.map(|snapshot| snapshot.monitor),
-        Known::Pid(_) | Known::Cia402(_) => None,
-    }
-}
-
-fn report(known: &Known) -> Option<Report> {
-    match known {
-        Known::Pid(view) => view.module().map(|(_, report)| report),
-        Known::Edb(_) | Known::Cia402(_) => None,
-    }
-}
-
-/// When the last values came.
-fn read_at(known: &Known) -> Option<Instant> {
-    match known {
-        Known::Edb(known) => known.snapshot.map(|snapshot| snapshot.at),
-        Known::Pid(view) | Known::Cia402(view) => view.input.map(|input| input.at),
-    }
-}
-
 /// Sends all of it.
 pub(super) async fn send<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) -> Result<(), End> {
     reply.content_type(CONTENT_TYPE);
@@ -122,7 +55,7 @@ pub(super) async fn send<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) 
     cyclic::send(gateway, reply).await?;
     can::send(gateway, reply).await?;
     packets(gateway, reply).await?;
-    axes(gateway, reply).await?;
+    axes::send(gateway, reply).await?;
     reply.finish().await
 }
 
@@ -258,30 +191,6 @@ async fn latency<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) -> Resul
         reply.put(format_args!("{NAME}_bucket{{bus=\"{bus}\",le=\"+Inf\"}} {confirmed}\n")).await?;
         reply.put(format_args!("{NAME}_sum{{bus=\"{bus}\"}} {total}\n")).await?;
         reply.put(format_args!("{NAME}_count{{bus=\"{bus}\"}} {confirmed}\n")).await?;
-    }
-    Ok(())
-}
-
-async fn axes<W: Write>(gateway: &Gateway, reply: &mut Reply<'_, W>) -> Result<(), End> {
-    for (name, help, value) in AXIS {
-        family(reply, name, "gauge", help).await?;
-        for (id, axis) in gateway.axes.iter() {
-            if let Some(value) = gateway.axes.known(id).ok().and_then(|known| value(&known)) {
-                reply.put(format_args!("{name}{{axis=\"{}\"}} {value}\n", axis.name)).await?;
-            }
-        }
-    }
-    family(reply, "puente_axis_age_seconds", "gauge", "Age of the values of the drive.").await?;
-    for (id, axis) in gateway.axes.iter() {
-        if let Some(at) = gateway.axes.known(id).ok().and_then(|known| read_at(&known)) {
-            let age = Seconds::of(clock::now().since(at));
-            reply.put(format_args!("puente_axis_age_seconds{{axis=\"{}\"}} {age}\n", axis.name)).await?;
-        }
-    }
-    family(reply, "puente_axis_leased", "gauge", "1 while a client commands the axis.").await?;
-    for (id, axis) in gateway.axes.iter() {
-        let leased = u8::from(gateway.axes.leased(id).is_some());
-        reply.put(format_args!("puente_axis_leased{{axis=\"{}\"}} {leased}\n", axis.name)).await?;
     }
     Ok(())
 }
