@@ -254,6 +254,8 @@ impl<W: Wire, const EVENTS: usize> CanReader for Reader<'_, W, EVENTS> {
                 return event;
             }
             select(self.0.heard.wait(), self.0.work()).await;
+            // All there was until now is looked at next.
+            self.0.heard.reset();
         }
     }
 
@@ -276,6 +278,7 @@ impl<W: Wire, const EVENTS: usize> CanWriter for Writer<'_, W, EVENTS> {
                 Err(Busy::Closed) => return Err(NotTaken(CanState::Down)),
                 Err(Busy::Full) => {
                     select(self.0.room.wait(), self.0.work()).await;
+                    self.0.room.reset();
                 }
             }
         }
