@@ -90,7 +90,7 @@ impl Run {
             }
             10 => {
                 let command = lss::Command::Fastscan(lss::Known::default());
-                assert_eq!(self.manager.lss(now, command).is_err(), self.lss);
+                assert_eq!(self.manager.lss(now, command, None).is_err(), self.lss);
                 self.lss = true;
             }
             _ => {

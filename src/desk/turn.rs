@@ -107,6 +107,11 @@ impl<T: Copy> Place<T> {
         matches!(self.phase, Phase::Sending(_))
     }
 
+    /// Whether the pump has something whose client is gone.
+    pub(super) fn is_abandoned(&self) -> bool {
+        matches!(self.phase, Phase::Sending(Sender { seat: None, .. }))
+    }
+
     /// Whose it is that the pump has.
     pub(super) fn sender(&self) -> Option<u8> {
         match self.phase {
@@ -216,13 +221,20 @@ impl<W: Which> Turn<'_, W> {
 
 impl<W: Which> Drop for Turn<'_, W> {
     fn drop(&mut self) {
-        self.desk.with(|state| {
-            let Some((place, seats)) = self.which.place(state) else { return };
+        let abandoned = self.desk.with(|state| {
+            let (place, seats) = self.which.place(state)?;
             match &mut place.phase {
-                Phase::Sending(sender) => sender.seat = None,
+                Phase::Sending(sender) => {
+                    sender.seat = None;
+                    return self.which.bus(state);
+                }
                 Phase::Ready(sender) if sender.stop => sender.seat = None,
                 Phase::Free | Phase::Writing | Phase::Ready(_) | Phase::Ended(..) => place.free(seats),
             }
+            None
         });
+        if abandoned.is_some() {
+            self.desk.work(abandoned);
+        }
     }
 }

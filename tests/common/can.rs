@@ -41,6 +41,10 @@ pub struct Adapter<B> {
     pub bus: B,
     /// The frames of the gateway so far.
     pub frames: Vec<Frame>,
+    /// What it says of its controller.
+    pub flags: Flags,
+    /// It obeys nothing, as one that has lost its bus.
+    pub refuses: bool,
     lines: Lines,
     open: bool,
     replies: VecDeque<Reply>,
@@ -52,6 +56,8 @@ impl<B: Bus> Adapter<B> {
         Wire::new(Self {
             bus,
             frames: Vec::new(),
+            flags: Flags::default(),
+            refuses: false,
             lines: Lines::new(),
             open: false,
             replies: VecDeque::new(),
@@ -65,13 +71,17 @@ impl<B: Bus> Device for Adapter<B> {
             let Some((_, line)) = self.lines.push(*byte) else { continue };
             let command = line.and_then(|line| Command::parse(line).ok());
             self.replies.push_back(match command {
+                _ if self.refuses => {
+                    self.open = false;
+                    Reply::Refused
+                }
                 Some(Command::Send(frame)) if self.open => {
                     self.frames.push(frame);
                     self.bus.send(now, &frame);
                     Reply::Taken { extended: matches!(frame.id(), Id::Extended(_)) }
                 }
                 None | Some(Command::Send(_)) => Reply::Refused,
-                Some(Command::Flags) => Reply::Flags(Flags::default()),
+                Some(Command::Flags) => Reply::Flags(self.flags),
                 Some(Command::Version) => Reply::Version { hardware: 1, software: 1 },
                 Some(Command::Open | Command::Listen) => {
                     self.open = true;

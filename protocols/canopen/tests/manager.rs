@@ -145,7 +145,7 @@ fn what_waits_goes_in_its_order() {
     for id in [9, 8, 7] {
         manager.submit(late, node(id), read(0x1000, false)).expect("a channel");
     }
-    manager.lss(late, lss::Command::InquireNodeId).expect("idle");
+    manager.lss(late, lss::Command::InquireNodeId, None).expect("idle");
     manager.command(late, Command::Start, Some(node(2))).expect("room");
     manager.command(late, Command::Stop, None).expect("room");
     let mut ids = Vec::new();
@@ -334,15 +334,38 @@ fn time_is_told_once_it_is_known() {
 #[test]
 fn lss_commands_end_once() {
     let mut bus = Bus::<2, 2>::started(config(), &[], vec![]);
-    bus.manager.lss(bus.now, lss::Command::Fastscan(Known::default())).expect("idle");
-    assert_eq!(bus.manager.lss(bus.now, lss::Command::InquireNodeId), Err(lss::Busy));
+    bus.manager.lss(bus.now, lss::Command::Fastscan(Known::default()), None).expect("idle");
+    assert_eq!(bus.manager.lss(bus.now, lss::Command::InquireNodeId, None), Err(lss::Busy));
     bus.run(150);
     assert_eq!(bus.told.pop().map(|(_, told)| told), Some(Told::Lss(Err(lss::Failure::Nobody))));
-    bus.manager.lss(bus.now, lss::Command::InquireNodeId).expect("idle");
+    bus.manager.lss(bus.now, lss::Command::InquireNodeId, None).expect("idle");
     bus.run(1);
     bus.say(lss::Response::NodeId(9).frame());
     bus.run(1);
     assert_eq!(bus.told.pop().map(|(_, told)| told), Some(Told::Lss(Ok(lss::Outcome::NodeId(9)))));
+}
+
+/// A time-out is that of its command alone, and one that is given up ends at once.
+#[test]
+fn an_lss_command_may_have_its_own_time_out() {
+    let mut bus = Bus::<2, 2>::started(config(), &[], vec![]);
+    let scan = lss::Command::Fastscan(Known::default());
+    let nobody = Some(Told::Lss(Err(lss::Failure::Nobody)));
+    for (timeout, answered) in [(Some(10), 10), (None, 100), (Some(3_000), 3_000)] {
+        bus.manager.lss(bus.now, scan, timeout.map(Duration::from_millis)).expect("idle");
+        bus.run(answered - 1);
+        assert_eq!(bus.told.pop(), None, "{timeout:?}");
+        bus.run(2);
+        assert_eq!(bus.told.pop().map(|(_, told)| told), nobody, "{timeout:?}");
+    }
+    bus.manager.lss(bus.now, lss::Command::InquireNodeId, Some(Duration::from_secs(60))).expect("idle");
+    bus.run(50);
+    bus.manager.cancel_lss();
+    bus.run(1);
+    assert_eq!(bus.told.pop().map(|(_, told)| told), Some(Told::Lss(Err(lss::Failure::Timeout))));
+    bus.manager.cancel_lss();
+    bus.run(1);
+    assert_eq!(bus.told.pop(), None, "there is none");
 }
 
 #[test]

@@ -135,7 +135,7 @@ impl Run {
                     true => lss::Command::Fastscan(lss::Known::default()),
                     false => lss::Command::InquireNodeId,
                 };
-                assert_eq!(self.manager.lss(now, command).is_err(), self.lss);
+                assert_eq!(self.manager.lss(now, command, None).is_err(), self.lss);
                 self.lss = true;
             }
             Step::Bus(up) => {

@@ -364,7 +364,7 @@ fn bus_off_fails_transfers_at_once_and_judges_the_nodes_anew() {
     bus.run(500);
     bus.told.clear();
     bus.submit(2, READ);
-    bus.manager.lss(bus.now, lss::Command::InquireNodeId).expect("idle");
+    bus.manager.lss(bus.now, lss::Command::InquireNodeId, None).expect("idle");
     bus.run(10);
     bus.manager.bus(bus.now, false);
     bus.nodes.iter_mut().for_each(|node| node.mute = true);
@@ -377,7 +377,7 @@ fn bus_off_fails_transfers_at_once_and_judges_the_nodes_anew() {
     assert_eq!(bus.manager.command(bus.now, Command::Start, None), Err(Unsent::Off));
     assert_eq!(bus.events(2), [Event::Monitor(Sign::Lost(HEARTBEAT))]);
     bus.submit(3, READ);
-    bus.manager.lss(bus.now, lss::Command::InquireNodeId).expect("idle");
+    bus.manager.lss(bus.now, lss::Command::InquireNodeId, None).expect("idle");
     bus.run(1);
     assert_eq!(bus.done.pop(), Some((3, Err(Failure::BusOff))));
     // Node 3 has lost its supply meanwhile.

@@ -70,8 +70,10 @@ pub enum Order {
     Resume(NodeId),
     /// An NMT command to a node, or to all.
     Nmt(nmt::Command, Option<NodeId>),
-    /// An LSS command.
-    Lss(lss::Command),
+    /// An LSS command, each of whose questions is answered within so long, where it is said.
+    Lss(lss::Command, Option<Duration>),
+    /// The LSS command in work is given up.
+    CancelLss,
 }
 
 /// Where the pump of a CANopen bus finds what is wanted, and tells what becomes of it and what is heard.

@@ -117,7 +117,11 @@ impl<C: Exchange, D: Drives> Pump<'_, C, D> {
                 true
             }
             Order::Nmt(command, node) => master.command(now, command, node).is_ok(),
-            Order::Lss(command) => master.manager_mut().lss(now, command).is_ok(),
+            Order::Lss(command, timeout) => master.manager_mut().lss(now, command, timeout).is_ok(),
+            Order::CancelLss => {
+                master.manager_mut().cancel_lss();
+                true
+            }
         })
     }
 

@@ -50,9 +50,13 @@ impl Exchange for CanBus<'_> {
                 }
                 bus.commands.pop_front();
             }
-            if bus.lss_place.take(leases, now).is_some() && !take(Order::Lss(bus.lss)) {
+            let (command, timeout) = bus.lss;
+            if bus.lss_place.take(leases, now).is_some() && !take(Order::Lss(command, timeout)) {
                 // Its turn comes when the one before it has ended, which is told.
                 bus.lss_place.put_back();
+            }
+            if bus.lss_place.is_abandoned() {
+                take(Order::CancelLss);
             }
             let turns = can.turns.get_mut(self.place)?;
             let up = bus.state.sends();

@@ -16,7 +16,7 @@ use heapless::{Deque, Vec};
 use puente_canopen::emcy::Emergency;
 use puente_canopen::manager::{EMERGENCIES, Status};
 use puente_canopen::{Frame, NodeId, lss, nmt};
-use puente_line::Instant;
+use puente_line::{Duration, Instant};
 
 pub use exchange::CanBus;
 pub use heard::{CanFollower, Heard, Lost, Origin, What};
@@ -63,7 +63,7 @@ struct Bus {
     commands: Deque<(nmt::Command, Option<NodeId>), COMMANDS>,
     frame: Frame,
     frames: Place<Result<(), Undelivered>>,
-    lss: lss::Command,
+    lss: (lss::Command, Option<Duration>),
     lss_place: Place<Result<lss::Outcome, lss::Failure>>,
     counted: statistics::Counted,
 }
@@ -104,7 +104,7 @@ impl Desk {
                 commands: Deque::new(),
                 frame: nmt::Command::Stop.frame(None),
                 frames: Place::new(),
-                lss: lss::Command::Store,
+                lss: (lss::Command::Store, None),
                 lss_place: Place::new(),
                 counted: statistics::Counted::default(),
             });

@@ -3,6 +3,7 @@
 use core::fmt;
 
 use puente_canopen::{Frame, lss};
+use puente_line::Duration;
 
 use super::Can;
 use crate::bus::Undelivered;
@@ -95,16 +96,23 @@ impl Desk {
         })
     }
 
-    /// Gives an LSS command for the client of a seat, and waits for its outcome. Clients take turns, a command each.
+    /// Gives an LSS command for the client of a seat, and waits for its outcome. Nodes answer each of its questions within
+    /// `timeout`, or 100 ms. Clients take turns, a command each; dropped, a command under way is given up.
     ///
     /// # Errors
     /// Any [`LssFailure`].
-    pub async fn lss(&self, seat: u8, bus: u8, command: lss::Command) -> Result<lss::Outcome, LssFailure> {
+    pub async fn lss(
+        &self,
+        seat: u8,
+        bus: u8,
+        command: lss::Command,
+        timeout: Option<Duration>,
+    ) -> Result<lss::Outcome, LssFailure> {
         self.with(|state| state.can.sends(bus)).map_err(LssFailure::NotSent)?;
         let mut turn = self.turn_at(Lss(bus), seat).await;
         self.with(|state| {
             if let Some(bus) = state.can.bus(bus) {
-                bus.lss = command;
+                bus.lss = (command, timeout);
             }
         });
         turn.send(Permits::new(), false);

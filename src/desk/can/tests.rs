@@ -428,7 +428,7 @@ fn a_bus_that_is_off_or_down_is_told_and_takes_nothing() {
         };
         let refused = rig.desk.sdo(clock::now(), order).err();
         assert_eq!(refused, Some(CanFailure::NotSent(Reason::LineDown)));
-        let lss = rig.desk.lss(1, 0, lss::Command::InquireNodeId).await;
+        let lss = rig.desk.lss(1, 0, lss::Command::InquireNodeId, None).await;
         assert_eq!(lss, Err(LssFailure::NotSent(Reason::LineDown)));
         let mut states = Vec::new();
         while let Some(heard) = follower.try_heard() {
@@ -451,7 +451,7 @@ fn a_bus_that_is_off_or_down_is_told_and_takes_nothing() {
 fn lss_clients_take_turns() {
     let rig = rig(Config { lss: Duration::from_millis(20), ..quiet() });
     rig.run(async {
-        let ask = |seat| rig.desk.lss(seat, 0, lss::Command::InquireNodeId);
+        let ask = |seat| rig.desk.lss(seat, 0, lss::Command::InquireNodeId, None);
         let answers = async {
             while rig.port.said().is_empty() {
                 yield_now().await;
@@ -463,6 +463,24 @@ fn lss_clients_take_turns() {
         assert_eq!(first, Ok(lss::Outcome::NodeId(42)));
         assert_eq!(second, Err(LssFailure::Lss(lss::Failure::Timeout)));
         assert_eq!(rig.port.said().len(), 2);
+    });
+}
+
+/// Whoever goes in the middle of a long scan keeps nobody from the next command.
+#[test]
+fn an_lss_command_that_nobody_waits_for_is_given_up() {
+    let rig = rig(quiet());
+    rig.run(async {
+        let hour = Some(Duration::from_secs(3_600));
+        let scan = rig.desk.lss(1, 0, lss::Command::Fastscan(lss::Known::default()), hour);
+        let gone = async {
+            while rig.port.said().is_empty() {
+                yield_now().await;
+            }
+        };
+        assert!(matches!(select(scan, gone).await, Either::Second(())));
+        let next = rig.desk.lss(2, 0, lss::Command::SwitchGlobal(lss::Mode::Waiting), None).await;
+        assert_eq!(next, Ok(lss::Outcome::Done));
     });
 }
 

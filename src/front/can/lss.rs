@@ -1,4 +1,4 @@
-//! Layer setting services. The time-out of a question is the manager's, 100 ms, whatever a client says.
+//! Layer setting services.
 
 use core::fmt::Write as _;
 use core::pin::pin;
@@ -9,6 +9,7 @@ use puente_canopen::lss::{self, Failure, Identity, Known, Mode, Outcome, Part};
 use puente_cia309::Error;
 use puente_cia309::command::{AllNodes, Lss};
 use puente_cia309::reply::Answer;
+use puente_line::Duration;
 
 use super::super::inbox::Inbox;
 use super::super::{End, send};
@@ -43,8 +44,8 @@ impl Client<'_> {
                 let answer = self.inquire(inbox, bus).await?;
                 return say(writer, sequence, answer).await;
             }
-            Lss::Fastscan(_) => {
-                let answer = match self.scan(inbox, bus, Known::default()).await? {
+            Lss::Fastscan(timeout) => {
+                let answer = match self.scan(inbox, bus, Known::default(), timeout).await? {
                     Ok(identity) => Answer::Identity(identity),
                     Err(error) => Answer::Error(error),
                 };
@@ -55,7 +56,7 @@ impl Client<'_> {
                 return say(writer, sequence, answer).await;
             }
         };
-        let answer = match self.one(inbox, bus, single).await? {
+        let answer = match self.one(inbox, bus, single, None).await? {
             Ok(Outcome::Done) => Answer::Ok,
             Ok(Outcome::Part(part)) => Answer::Part(part),
             Ok(Outcome::NodeId(id)) => Answer::NodeId(id),
@@ -65,17 +66,19 @@ impl Client<'_> {
         say(writer, sequence, answer).await
     }
 
-    /// One service.
+    /// One service. Nodes have `timeout` ms for each answer, or as the bus has it.
     async fn one<R: Read>(
         &self,
         inbox: &mut Inbox<'_, R>,
         bus: u8,
         command: lss::Command,
+        timeout: Option<u16>,
     ) -> Result<Result<Outcome, Error>, End> {
         if let Err(why) = self.gateway.may_configure(self.guest, inbox.ended(), bus) {
             return Ok(Err(unsent(why)));
         }
-        let service = pin!(self.gateway.desk.lss(self.guest.seat, bus, command));
+        let timeout = timeout.map(|ms| Duration::from_millis(ms.into()));
+        let service = pin!(self.gateway.desk.lss(self.guest.seat, bus, command, timeout));
         let done = Self::during(inbox, service).await?;
         Ok(done.map_err(|failure| match failure {
             LssFailure::NotSent(reason) => unsent(Unsent::NotSent(reason)),
@@ -87,7 +90,7 @@ impl Client<'_> {
     async fn inquire<R: Read>(&self, inbox: &mut Inbox<'_, R>, bus: u8) -> Result<Answer, End> {
         let mut identity = Identity::default();
         for part in Part::ALL {
-            match self.one(inbox, bus, lss::Command::Inquire(part)).await? {
+            match self.one(inbox, bus, lss::Command::Inquire(part), None).await? {
                 Ok(Outcome::Part(value)) => identity.set(part, value),
                 Ok(_) => return Ok(Answer::Error(Error::State)),
                 Err(error) => return Ok(Answer::Error(error)),
@@ -101,8 +104,9 @@ impl Client<'_> {
         inbox: &mut Inbox<'_, R>,
         bus: u8,
         known: Known,
+        timeout: u16,
     ) -> Result<Result<Identity, Error>, End> {
-        Ok(match self.one(inbox, bus, lss::Command::Fastscan(known)).await? {
+        Ok(match self.one(inbox, bus, lss::Command::Fastscan(known), Some(timeout)).await? {
             Ok(Outcome::Identity(identity)) => Ok(identity),
             Ok(_) => Err(Error::State),
             Err(error) => Err(error),
@@ -118,7 +122,7 @@ impl Client<'_> {
         all: AllNodes,
     ) -> Result<Answer, End> {
         for (found, id) in (all.start..=LAST_NODE).enumerate() {
-            let identity = match self.scan(inbox, bus, all.known).await? {
+            let identity = match self.scan(inbox, bus, all.known, all.timeout).await? {
                 Ok(identity) => identity,
                 Err(Error::TimeOut) => {
                     tell(writer, format_args!("# Found {found} nodes, search finished.\n")).await?;
@@ -133,7 +137,7 @@ impl Client<'_> {
                 Some(lss::Command::SwitchGlobal(Mode::Waiting)),
             ];
             for step in steps.into_iter().flatten() {
-                if let Err(error) = self.one(inbox, bus, step).await? {
+                if let Err(error) = self.one(inbox, bus, step, Some(all.timeout)).await? {
                     return Ok(Answer::Error(error));
                 }
             }

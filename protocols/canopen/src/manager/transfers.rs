@@ -67,21 +67,28 @@ impl<const NODES: usize, const CHANNELS: usize> Manager<'_, NODES, CHANNELS> {
         }
     }
 
-    /// Takes an LSS command; its outcome is [`Action::Lss`](super::Action::Lss). While the bus is off nobody answers.
+    /// Takes an LSS command; its outcome is [`Action::Lss`](super::Action::Lss). Nodes answer each of its questions within
+    /// `timeout`, or as [`Config::lss`](super::Config::lss) has it. While the bus is off nobody answers.
     ///
     /// # Errors
     /// `Busy` until the outcome of the last one has been told.
-    pub fn lss(&mut self, _now: Instant, command: lss::Command) -> Result<(), lss::Busy> {
+    pub fn lss(
+        &mut self,
+        _now: Instant,
+        command: lss::Command,
+        timeout: Option<Duration>,
+    ) -> Result<(), lss::Busy> {
         self.lss.submit(command)?;
+        self.lss.set_timeout(timeout.unwrap_or(self.config.lss));
         if !self.up {
             self.lss.abandon();
         }
         Ok(())
     }
 
-    /// LSS nodes answer within so long, from the next message on.
-    pub const fn set_lss_timeout(&mut self, timeout: Duration) {
-        self.lss.set_timeout(timeout);
+    /// Gives the LSS command in work up, if there is one: it ends as if nobody had answered.
+    pub const fn cancel_lss(&mut self) {
+        self.lss.abandon();
     }
 
     fn client(&mut self, node: NodeId) -> Option<&mut sdo::Client> {
