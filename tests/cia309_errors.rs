@@ -6,6 +6,7 @@ use common::can::{Adapter, Nodes, Objects, Slave, await_open};
 use common::client::{Lines, figure, send_and_close, value};
 use common::wire::Wire;
 use common::{Document, Gateway, until};
+use puente_canopen::Address;
 use puente_canopen::lss::Identity;
 use puente_cell::can::{Cell, Config, DriveConfig, Fault, Model};
 use puente_line::Instant;
@@ -189,6 +190,29 @@ fn clients_without_a_place_or_without_a_side_move_nothing() {
     drop(commander);
     until("there is a place", || ask("2 r 0x6060 0 i8") == "[1] 3");
     assert_eq!(ask("2 w 0x6040 0 u16 0x0F"), format!("[1] {STATE}"));
+}
+
+/// What has been told of a value cannot be taken back.
+#[test]
+fn a_value_that_is_broken_off_ends_with_its_error() {
+    let node = DriveConfig::new(3, Model::Node).expect("a node-ID");
+    let long = DriveConfig { domains: vec![(Address::new(0x2000, 0), vec![0xAB; 50_000])], ..node };
+    let adapter = Adapter::wire(Cell::new(Config::new(1_000_000).with(long)));
+    let gateway = Document::new().canopen("can", &adapter, "heartbeat_ms = 0").start();
+    await_open(&gateway);
+    for block in [0, 1] {
+        let mut client = Lines::connect(gateway.main);
+        assert_eq!(client.ask(&format!("[1] set sdo_block {block}")), "[1] OK");
+        client.send("[2] 3 r 0x2000 0");
+        let before = adapter.device().bus.totals().frames;
+        until("some of it has been read", || adapter.device().bus.totals().frames > before + 1_000);
+        assert!(adapter.device().bus.suffer(Instant::ZERO, 3, Fault::SdoDead(true)), "a node");
+        let read = client.long();
+        let (value, end) = read.split_once('\n').expect("two lines");
+        assert!(value.starts_with("[2] AB AB AB ") && value.ends_with(" AB"), "{value}");
+        assert_eq!(end, "...ERROR:0x05040000 #SDO protocol timed out.");
+        assert!(adapter.device().bus.suffer(Instant::ZERO, 3, Fault::SdoDead(false)), "a node");
+    }
 }
 
 /// Who waits too long for its turn at a node.

@@ -212,6 +212,12 @@ impl Lines {
     #[track_caller]
     pub fn ask_long(&mut self, text: &str) -> String {
         self.send(text);
+        self.long()
+    }
+
+    /// What comes to the next line end, with the line feeds that are in it.
+    #[track_caller]
+    pub fn long(&mut self) -> String {
         let mut answer = String::new();
         while !answer.ends_with("\r\n") {
             assert_ne!(self.stream.read_line(&mut answer).expect("a line"), 0, "ended: {answer:?}");

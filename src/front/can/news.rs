@@ -218,3 +218,44 @@ fn of_frame(frame: &Frame, of_a_node: bool) -> Option<What<'_>> {
         _ => None,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::boxed::Box;
+
+    use embassy_futures::block_on;
+    use puente_canopen::manager::Config;
+    use puente_line::Duration;
+
+    use super::*;
+    use crate::bus::canopen::{Exchange, Room};
+    use crate::desk::{BusSpec, CanBus, CanSpec, Desk, Units};
+
+    /// All of them: an SLCAN adapter, as the scenarios of tests have it, does not tell that its controller is off the bus. Those of
+    /// boards and SocketCAN do.
+    #[test]
+    fn every_state_of_the_port_has_its_number() {
+        let desk: &'static Desk = Box::leak(Box::new(const { Desk::new() }));
+        let (queue_timeout, reply_timeout) = (Duration::ZERO, Duration::ZERO);
+        desk.configure([BusSpec { units: Units::default(), queue_timeout, reply_timeout }], Duration::ZERO);
+        let config = Config::new(NodeId::new(127).expect("a node-ID"));
+        let room: &'static Room = Box::leak(Box::new(Room::new(config)));
+        desk.add_can(CanSpec { bus: 0, net: 5, bitrate: 1_000_000, room });
+        let bus = CanBus::new(desk, 0).expect("a bus");
+        let follower = desk.follow_can(1, 0).expect("a bus");
+        let mut followed = [Followed { bus: 0, net: 5, follower, events: Kinds::BUS, frames: None }];
+        for (state, line) in [
+            (CanState::Active, "5 0 ERROR 305 #CAN active.\r\n"),
+            (CanState::Warning, ""),
+            (CanState::Passive, "5 0 ERROR 300 #Error passive.\r\n"),
+            (CanState::Off, "5 0 ERROR 301 #Bus off.\r\n"),
+            (CanState::Down, "5 0 ERROR 304 #CAN init.\r\n"),
+        ] {
+            bus.state(clock::now(), state);
+            let (at, heard) = block_on(next(&mut followed));
+            let mut news = News::new();
+            followed[at].tell(&heard, &mut news);
+            assert_eq!(news, line);
+        }
+    }
+}
