@@ -31,7 +31,18 @@ impl Rig {
         rig
     }
 
+    /// Axes that move by set-points with every SYNC.
+    fn cyclic(lease_ms: u32) -> Self {
+        let rig = Self::with(lease_ms, "sync_us = 10000", "cyclic = \"ip\"", |document| document);
+        rig.are_present(&AXES);
+        rig
+    }
+
     fn start(lease_ms: u32, keys: &str, more: impl FnOnce(Document) -> Document) -> Self {
+        Self::with(lease_ms, keys, "", more)
+    }
+
+    fn with(lease_ms: u32, keys: &str, axis_keys: &str, more: impl FnOnce(Document) -> Document) -> Self {
         let drive = |id| DriveConfig::new(id, Model::Lexium23a).expect("a drive");
         let config = AXES.iter().fold(Config::new(1_000_000), |config, (_, id)| config.with(drive(*id)));
         let adapter = Adapter::wire(Cell::new(config));
@@ -40,7 +51,9 @@ impl Rig {
             &adapter,
             &format!("bitrate = 1000000\n{keys}"),
         );
-        let document = AXES.iter().fold(document, |document, (name, id)| document.servo(name, "can", *id));
+        let document = AXES
+            .iter()
+            .fold(document, |document, (name, id)| document.servo(name, "can", *id).axis_keys(axis_keys));
         let gateway = more(document).start();
         Self { adapter, gateway }
     }
@@ -110,6 +123,27 @@ impl Rig {
     /// Frames of the gateway so far.
     fn frames(&self) -> usize {
         self.adapter.device().frames.len()
+    }
+
+    /// A drive that followed set-points was told a quick stop, and no set-point after that.
+    fn is_stopped(&self, id: u8) {
+        until("it stands", || self.velocity(id) == 0.0);
+        assert_ne!(self.state(id), State::OperationEnabled);
+        let word = Id::base(0x200 + u16::from(id));
+        let stop = |frame: &Frame| frame.id() == word && frame.data() == [2, 0];
+        let told = self.adapter.device().frames.iter().rposition(stop).expect("a quick stop");
+        assert_eq!(self.set_points(id, told), [0_i32; 0]);
+    }
+
+    /// Set-points of interpolated position that a node was told after so many frames.
+    fn set_points(&self, id: u8, from: usize) -> Vec<i32> {
+        let device = self.adapter.device();
+        let own = device.frames[from..].iter().filter(|frame| frame.id() == Id::base(0x500 + u16::from(id)));
+        own.filter_map(|frame| frame.data().first_chunk().map(|data| i32::from_le_bytes(*data))).collect()
+    }
+
+    fn position(&self, id: u8) -> f64 {
+        self.adapter.device().bus.node(id).and_then(|node| node.drive()).expect("a drive").position()
     }
 
     /// SYNCs after so many frames, until all three drives have been told a quick stop.
@@ -385,4 +419,86 @@ fn one_that_fails_or_a_commander_that_is_gone_stops_the_group() {
         until("it stands", || rig.velocity(id) == 0.0);
         assert_ne!(rig.state(id), State::OperationEnabled);
     }
+}
+
+/// From one to the next, at most; and how much more or less that is than the time before.
+fn steps(set_points: &[i32]) -> (u32, u32) {
+    let most = |steps: &mut dyn Iterator<Item = u32>| steps.max().unwrap_or(0);
+    let fast = most(&mut set_points.windows(2).map(|pair| pair[1].abs_diff(pair[0])));
+    let hard = most(&mut set_points.windows(3).map(|next| (next[2] - next[1]).abs_diff(next[1] - next[0])));
+    (fast, hard)
+}
+
+#[test]
+fn a_cyclic_axis_moves_by_set_points_with_every_sync() {
+    let rig = Rig::cyclic(5_000);
+    let mut client = rig.client();
+    let before = rig.position(2);
+    client.ok("axis u enable");
+    rig.becomes(&mut client, "u", "mode", "ip");
+    assert!((rig.position(2) - before).abs() < 2.0, "it jumped from {before} to {}", rig.position(2));
+    let told = rig.set_points(2, 0);
+    assert!(told.iter().all(|told| (f64::from(*told) - before).abs() < 2.0), "{told:?}");
+    client.ok("axis u home 35");
+    rig.becomes(&mut client, "u", "homed", "1");
+    let from = rig.frames();
+    client.ok("axis u move 100000 200000");
+    rig.becomes(&mut client, "u", "progress", "reached");
+    rig.becomes(&mut client, "u", "position", "100000");
+    // Nobody need show life for what has arrived.
+    rig.becomes(&mut client, "u", "lease", "none");
+    let set_points = rig.set_points(2, from);
+    assert_eq!((set_points.first(), set_points.last()), (Some(&0), Some(&100_000)));
+    // 0.2 Mu/s, and 10 Mu/s² as delivered, with a set-point each 10 ms.
+    let (fast, hard) = steps(&set_points);
+    assert!(fast <= 2_000 && hard <= 1_001, "{fast} {hard}: {set_points:?}");
+    assert!(set_points.iter().filter(|told| (1..100_000).contains(*told)).count() >= 50, "{set_points:?}");
+    // And back from there, on the way to another place.
+    let from = rig.frames();
+    client.ok("axis u move 400000 200000");
+    until("it is on its way", || {
+        client.ok("feed");
+        rig.position(2) > 120_000.0
+    });
+    client.ok("axis u move 100 200000");
+    rig.becomes(&mut client, "u", "position", "100");
+    rig.becomes(&mut client, "u", "lease", "none");
+    let (fast, hard) = steps(&rig.set_points(2, from));
+    assert!(fast <= 2_000 && hard <= 1_001, "{fast} {hard}");
+    // Other motions are the drive's own.
+    client.ok("axis u velocity 500");
+    rig.becomes(&mut client, "u", "mode", "pv");
+    client.ok("axis u move 300 20000");
+    rig.becomes(&mut client, "u", "position", "300");
+    client.ok("axis u disable");
+    assert!(matches!(rig.state(2), State::SwitchOnDisabled | State::ReadyToSwitchOn), "{}", rig.state(2));
+}
+
+#[test]
+fn a_cyclic_axis_is_stopped_by_a_stop_and_by_the_end_of_the_lease() {
+    let rig = Rig::cyclic(5_000);
+    let mut client = rig.client();
+    let mut commander = rig.client();
+    for (axis, id) in [AXES[0], AXES[1]] {
+        commander.ok(&format!("axis {axis} enable"));
+        commander.ok(&format!("axis {axis} move 2000000000 20000"));
+        until("it moves", || {
+            commander.ok("feed");
+            rig.velocity(id) > 1_000.0
+        });
+    }
+    client.ok("axis u stop");
+    rig.is_stopped(2);
+    client.error("axis u move 5", "not-enabled");
+    commander.ok("axis v status");
+    assert!(rig.velocity(3) > 1_000.0, "the other goes on");
+    drop(commander);
+    rig.is_stopped(3);
+    rig.becomes(&mut client, "v", "event", "commander-disconnected");
+    // It moves again when it is enabled again, from where it stands.
+    let from = rig.frames();
+    client.ok("axis v enable");
+    let stands = rig.position(3);
+    let told = rig.set_points(3, from);
+    assert!(told.iter().all(|told| (f64::from(*told) - stands).abs() < 2.0), "{stands}: {told:?}");
 }

@@ -24,8 +24,8 @@ use crate::settings::{self, AXIS_HEARTBEAT_MS, Bus, Canopen, Cia402, Drive, Node
 
 /// Bytes of a value as it is listed for a node: index, sub-index, size, and the longest value.
 const ENTRY: usize = 3 + 4 + 8;
-/// Bytes of what is written to an axis' node: its PDOs as delivered, its homing, and two values more.
-const AXIS: usize = 216;
+/// Bytes of what is written to an axis' node: its PDOs, with a cyclic mode or without, its homing, and two values more.
+const AXIS: usize = 256;
 /// Bytes of what is written to one node, and to all of them; before each list there is its length.
 const MOST: usize = 4 + WRITES * ENTRY + AXIS;
 const ALL: usize = AXES * (4 + AXIS + setup::MOST_WATCH) + NODES * (4 + WRITES * ENTRY);
@@ -94,7 +94,7 @@ fn axes_of<'s>(
 pub(super) fn axis(settings: &Settings, bus: u8, cia402: &Cia402) -> cia402::Spec {
     let canopen = settings.buses.get(usize::from(bus)).and_then(Bus::canopen);
     let sync = canopen.is_some_and(|canopen| canopen.sync_us > 0);
-    cia402::Spec { profile: cia402.profile, sync, cyclic: None }
+    cia402::Spec { profile: cia402.profile, sync, cyclic: cia402.cyclic }
 }
 
 /// The drive of an axis.
@@ -104,7 +104,7 @@ fn drive(axis: &settings::Axis, cia402: &Cia402) -> Option<Axis> {
         fast: cia402.homing_fast,
         slow: cia402.homing_slow,
     };
-    Some(Axis { homing, ..Axis::new(NodeId::new(axis.address)?, cia402.profile) })
+    Some(Axis { homing, cyclic: cia402.cyclic, ..Axis::new(NodeId::new(axis.address)?, cia402.profile) })
 }
 
 /// The nodes that are booted and watched: those of axes, and the others of which the settings say something.
@@ -315,7 +315,8 @@ mod tests {
     #[test]
     fn there_is_room_for_what_is_written_to_an_axis() {
         for profile in puente_drives::cia402::Profile::ALL {
-            let settings = settings(&TEXT.replace("festo-cmms", profile.name));
+            let text = TEXT.replace("festo-cmms", profile.name);
+            let settings = settings(&text.replace("max_velocity = 1", "max_velocity = 1\ncyclic = \"ip\""));
             let (_, axis, cia402) = axes_of(&settings, &settings.buses[0]).next().expect("an axis");
             let mut list = Vec::<u8, MOST>::new();
             let node = Node::new("can".parse().expect("a name"), 2);

@@ -76,7 +76,7 @@ impl Drive {
 
 impl Awaited {
     /// Whether it has come about, or why it will not.
-    fn found(self, view: &View) -> Option<Result<(), AxisError>> {
+    fn found(self, view: &View, spec: &Spec) -> Option<Result<(), AxisError>> {
         let (_, report) = view.servo()?;
         if report.node != Node::Present {
             return Some(Err(AxisError::Node(report.node)));
@@ -114,7 +114,7 @@ impl Awaited {
             (Progress::Failed(_), Awaited::Cleared | Awaited::LetGo) => None,
             (Progress::Failed(failure), _) => Some(Err(unable(&answer, failure))),
             (Progress::Reached, Awaited::Held | Awaited::Moving(_)) => Some(Ok(())),
-            (Progress::Running, Awaited::Moving(motion)) => in_mode(&answer, motion).then_some(Ok(())),
+            (Progress::Running, Awaited::Moving(motion)) => in_mode(&answer, motion, spec).then_some(Ok(())),
             _ => None,
         }
     }
@@ -131,7 +131,7 @@ impl Servo<'_> {
             return Err(LINE_DOWN);
         }
         let most = if awaited == Awaited::LetGo { SEEN } else { CHANGE };
-        let found = self.desk.until(self.axis, most, |view| awaited.found(view)).await;
+        let found = self.desk.until(self.axis, most, |view| awaited.found(view, &self.drive.spec)).await;
         found.unwrap_or_else(|| Err(self.silent()))
     }
 
@@ -334,8 +334,11 @@ impl Axes {
 }
 
 /// Whether a drive is in the mode of a motion.
-fn in_mode(report: &Report, motion: Moves) -> bool {
+fn in_mode(report: &Report, motion: Moves, spec: &Spec) -> bool {
     let modes: &[Mode] = match motion {
+        Moves::Position { .. } if spec.cyclic.is_some() => {
+            &[Mode::InterpolatedPosition, Mode::CyclicPosition]
+        }
         Moves::Position { .. } => &[Mode::ProfilePosition],
         Moves::Velocity(_) => &[Mode::ProfileVelocity, Mode::CyclicVelocity],
         Moves::Torque(_) => &[Mode::ProfileTorque, Mode::CyclicTorque],

@@ -73,6 +73,10 @@ pub struct Cia402 {
     pub homing_acceleration: Option<u32>,
     /// Highest profile velocity (607Fh), in the drive's unit.
     pub max_velocity: Option<u32>,
+    /// The mode whose set-points come with SYNC, interpolated or cyclic synchronous position: it moves to positions in that.
+    /// The compact form has it elsewhere, see `document::Cyclic`.
+    #[serde(skip)]
+    pub cyclic: Option<cia402::Mode>,
 }
 
 /// A profile by its name.
@@ -97,6 +101,31 @@ fn profile<'de, D: Deserializer<'de>>(deserializer: D) -> Result<&'static cia402
     Text::<ProfileName>::deserialize(deserializer).map(|text| text.0.0)
 }
 
+/// A mode whose set-points come with SYNC, by its name.
+struct CyclicName(cia402::Mode);
+
+/// Those that moves can be made in.
+pub(super) const CYCLIC: [cia402::Mode; 2] =
+    [cia402::Mode::InterpolatedPosition, cia402::Mode::CyclicPosition];
+
+impl fmt::Display for CyclicName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&self.0, f)
+    }
+}
+
+impl FromStr for CyclicName {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text {
+            "ip" => Ok(Self(cia402::Mode::InterpolatedPosition)),
+            "csp" => Ok(Self(cia402::Mode::CyclicPosition)),
+            _ => Err("\"ip\" or \"csp\" is a cyclic mode"),
+        }
+    }
+}
+
 impl Default for Cia402 {
     fn default() -> Self {
         Self {
@@ -106,6 +135,7 @@ impl Default for Cia402 {
             homing_slow: None,
             homing_acceleration: None,
             max_velocity: None,
+            cyclic: None,
         }
     }
 }
@@ -181,6 +211,7 @@ struct Table {
     homing_slow: Option<u32>,
     homing_acceleration: Option<u32>,
     max_velocity: Option<u32>,
+    cyclic: Option<Text<CyclicName>>,
 }
 
 const KEYS: &[&str] = &[
@@ -198,6 +229,7 @@ const KEYS: &[&str] = &[
     "homing_slow",
     "homing_acceleration",
     "max_velocity",
+    "cyclic",
 ];
 
 impl Table {
@@ -221,6 +253,7 @@ impl Table {
             homing_slow: self.homing_slow,
             homing_acceleration: self.homing_acceleration,
             max_velocity: self.max_velocity,
+            cyclic: self.cyclic.as_ref().map(|text| text.0.0),
         }
     }
 
@@ -237,6 +270,7 @@ impl Table {
             (Kind::Cia402, "homing_slow", self.homing_slow.is_some()),
             (Kind::Cia402, "homing_acceleration", self.homing_acceleration.is_some()),
             (Kind::Cia402, "max_velocity", self.max_velocity.is_some()),
+            (Kind::Cia402, "cyclic", self.cyclic.is_some()),
         ];
         let stray = others.iter().find(|(kind, _, given)| *given && *kind != self.drive);
         stray.map(|(_, key, _)| *key)
@@ -261,6 +295,7 @@ impl From<Table> for Axis {
 
 impl Serialize for Axis {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let readable = serializer.is_human_readable();
         let mut table = serializer.serialize_struct("Axis", KEYS.len())?;
         table.serialize_field("name", &self.name)?;
         table.serialize_field("bus", &self.bus)?;
@@ -283,6 +318,9 @@ impl Serialize for Axis {
                 table.serialize_field("homing_slow", &cia402.homing_slow)?;
                 table.serialize_field("homing_acceleration", &cia402.homing_acceleration)?;
                 table.serialize_field("max_velocity", &cia402.max_velocity)?;
+                if readable {
+                    table.serialize_field("cyclic", &cia402.cyclic.map(|mode| Text(CyclicName(mode))))?;
+                }
             }
         }
         table.end()

@@ -4,7 +4,9 @@ use core::fmt;
 use core::net::Ipv4Addr;
 
 use puente_drives::cia402::homing::Method;
+use puente_drives::cia402::{Mode, Period};
 use puente_drives::pid::Gains;
+use puente_line::Duration;
 
 use super::{Axis, Bus, Cia402, Drive, Edb, Name, Net, Node, Pid, Protocol, Settings, VERSION};
 use crate::port::limits::{CANOPEN, CLIENTS, CLIENTS_ALLOWED, DRIVES, FRAMED, MEMBERS};
@@ -325,7 +327,7 @@ impl Settings {
         match &axis.drive {
             Drive::Edb(edb) => edb.check(&axis.name),
             Drive::Pid(pid) => pid.check(&axis.name),
-            Drive::Cia402(cia402) => cia402.check(&axis.name),
+            Drive::Cia402(cia402) => cia402.check(&axis.name, bus.canopen().map_or(0, |bus| bus.sync_us)),
         }
     }
 }
@@ -360,7 +362,7 @@ impl Pid {
 }
 
 impl Cia402 {
-    fn check(&self, axis: &Name) -> Result<(), Problem> {
+    fn check(&self, axis: &Name, sync_us: u32) -> Result<(), Problem> {
         if self.homing.is_some_and(|method| Method::new(method).is_none()) {
             return Err(Problem::Axis {
                 name: axis.clone(),
@@ -374,10 +376,25 @@ impl Cia402 {
             ("homing_acceleration", self.homing_acceleration),
             ("max_velocity", self.max_velocity),
         ];
-        match positive.into_iter().find(|(_, value)| *value == Some(0)) {
-            Some((key, _)) => Err(Problem::Axis { name: axis.clone(), key, allowed: "it must be above 0" }),
+        if let Some((key, _)) = positive.into_iter().find(|(_, value)| *value == Some(0)) {
+            return Err(Problem::Axis { name: axis.clone(), key, allowed: "it must be above 0" });
+        }
+        match self.cyclic.and_then(|mode| self.lacks(mode, sync_us)) {
+            Some(allowed) => Err(Problem::Axis { name: axis.clone(), key: "cyclic", allowed }),
             None => Ok(()),
         }
+    }
+
+    /// What is in the way of a cyclic mode.
+    fn lacks(&self, mode: Mode, sync_us: u32) -> Option<&'static str> {
+        if !self.profile.has(mode) {
+            return Some("the profile has no such mode");
+        }
+        if sync_us == 0 {
+            return Some("the bus needs a sync_us above 0 for it");
+        }
+        let period = Period::new(Duration::from_micros(sync_us.into()));
+        period.is_none().then_some("sync_us of the bus must be 1 to 255 times a power of ten for it")
     }
 }
 

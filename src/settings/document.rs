@@ -4,10 +4,13 @@
 use core::fmt;
 
 use heapless::Vec;
+use puente_drives::cia402::Mode;
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize, de};
 
-use super::{Net, Settings, VERSION};
+use super::axis::CYCLIC;
+use super::{Axis, Drive, Net, Settings, VERSION};
+use crate::port::limits::AXES;
 
 #[derive(Clone, Copy, Deserialize)]
 #[serde(field_identifier, rename_all = "lowercase")]
@@ -117,11 +120,41 @@ impl<'de> Visitor<'de> for Later<'_> {
     }
 }
 
-/// As it is read; none where it says nothing.
-pub(super) fn later(settings: &Settings) -> Option<impl Serialize> {
+/// As it is read; none where it says nothing, unless something `follows`.
+pub(super) fn later(settings: &Settings, follows: bool) -> Option<impl Serialize> {
     let Settings { net, nodes, .. } = settings;
     let later = (net.slcan_port, net.socketcand_port, nodes.as_slice());
-    (later.0 != 0 || later.1 != 0 || !later.2.is_empty()).then_some(later)
+    (later.0 != 0 || later.1 != 0 || !later.2.is_empty() || follows).then_some(later)
+}
+
+/// The cyclic modes of the axes, each as its code, in their order; 0: none. It follows after [`Later`], by the same rule.
+pub(super) struct Cyclic<'s>(pub &'s mut Settings);
+
+impl<'de> DeserializeSeed<'de> for Cyclic<'_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
+        let codes = Vec::<i8, AXES>::deserialize(deserializer)?;
+        for (place, code) in codes.into_iter().enumerate().filter(|(_, code)| *code != 0) {
+            let axis = self.0.axes.get_mut(place).map(|axis| &mut axis.drive);
+            let mode = Mode::from_code(code).filter(|mode| CYCLIC.contains(mode));
+            let (Some(Drive::Cia402(cia402)), Some(mode)) = (axis, mode) else {
+                return Err(D::Error::custom("an axis has no such mode"));
+            };
+            cia402.cyclic = Some(mode);
+        }
+        Ok(())
+    }
+}
+
+/// As it is read; none where it says nothing.
+pub(super) fn cyclic(settings: &Settings) -> Option<impl Serialize> {
+    let code = |axis: &Axis| match &axis.drive {
+        Drive::Cia402(cia402) => cia402.cyclic.map_or(0, Mode::code),
+        Drive::Edb(_) | Drive::Pid(_) => 0,
+    };
+    let codes: Vec<i8, AXES> = settings.axes.iter().map(code).collect();
+    codes.iter().any(|code| *code != 0).then_some(codes)
 }
 
 /// Where buses, axes or nodes are read to.

@@ -4,12 +4,13 @@
 //! Documents are compact (postcard), not text: two of the largest fit the buffer that one of them needs as JSON. The
 //! price is that a document has no keys: any change of what old documents have is a new `FORMAT`, with a reader for each
 //! old one that is to stay readable. A record of another format is refused as a whole. What is only added follows after the
-//! rest, where it says something (`Later`).
+//! rest, where it says something (`Later`, then `Cyclic`).
 
+use serde::Serialize;
 use serde::de::DeserializeSeed;
 
 use super::Settings;
-use super::document::{Later, Place, later};
+use super::document::{Cyclic, Later, Place, cyclic, later};
 
 /// Number of the form that records and documents have.
 const FORMAT: u8 = 1;
@@ -99,19 +100,25 @@ fn document(bytes: &[u8], settings: &mut Settings) -> Result<bool, Unreadable> {
         return Ok(false);
     }
     let mut found = Settings::blank();
-    let mut deserializer = postcard::Deserializer::from_bytes(bytes);
-    Place(&mut found).deserialize(&mut deserializer).map_err(|_| Unreadable)?;
-    let mut rest = deserializer.finalize().map_err(|_| Unreadable)?;
+    let mut rest = part(Place(&mut found), bytes)?;
     if !rest.is_empty() {
-        let mut deserializer = postcard::Deserializer::from_bytes(rest);
-        Later(&mut found).deserialize(&mut deserializer).map_err(|_| Unreadable)?;
-        rest = deserializer.finalize().map_err(|_| Unreadable)?;
+        rest = part(Later(&mut found), rest)?;
+    }
+    if !rest.is_empty() {
+        rest = part(Cyclic(&mut found), rest)?;
     }
     if !rest.is_empty() || found.check().is_err() {
         return Err(Unreadable);
     }
     settings.clone_from(&found);
     Ok(true)
+}
+
+/// Reads a part of a document: what follows it.
+fn part<'d, P: DeserializeSeed<'d>>(part: P, bytes: &'d [u8]) -> Result<&'d [u8], Unreadable> {
+    let mut deserializer = postcard::Deserializer::from_bytes(bytes);
+    part.deserialize(&mut deserializer).map_err(|_| Unreadable)?;
+    deserializer.finalize().map_err(|_| Unreadable)
 }
 
 /// Writes a record, whose serial number is stamped later: its length.
@@ -133,10 +140,17 @@ pub fn emit(
 
 fn write(buffer: &mut [u8], document: Option<&Settings>) -> Result<usize, TooLarge> {
     let Some(settings) = document else { return Ok(0) };
-    let written = postcard::to_slice(settings, buffer).map_err(|_| TooLarge)?.len();
-    let Some(later) = later(settings) else { return Ok(written) };
+    let cyclic = cyclic(settings);
+    let written = write_part(buffer, 0, Some(settings))?;
+    let written = write_part(buffer, written, later(settings, cyclic.is_some()))?;
+    write_part(buffer, written, cyclic)
+}
+
+/// Writes a part of a document behind what has been written: how much has been then.
+fn write_part(buffer: &mut [u8], written: usize, part: Option<impl Serialize>) -> Result<usize, TooLarge> {
+    let Some(part) = part else { return Ok(written) };
     let rest = buffer.get_mut(written..).unwrap_or_default();
-    postcard::to_slice(&later, rest).map(|rest| written + rest.len()).map_err(|_| TooLarge)
+    postcard::to_slice(&part, rest).map(|rest| written + rest.len()).map_err(|_| TooLarge)
 }
 
 /// Gives the record in these bytes its serial number.

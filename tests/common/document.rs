@@ -114,6 +114,12 @@ impl Document {
         self
     }
 
+    /// With what the last axis has besides.
+    pub fn axis_keys(mut self, keys: &str) -> Self {
+        let _ = writeln!(self.axes, "{keys}");
+        self
+    }
+
     /// With what a node of a bus has besides.
     pub fn node(mut self, bus: &str, id: u8, keys: &str) -> Self {
         let _ = write!(self.axes, "[[node]]\nbus = \"{bus}\"\nid = {id}\n{keys}\n");

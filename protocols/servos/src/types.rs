@@ -35,6 +35,11 @@ impl Axis {
     pub fn cyclic(&self) -> Option<Mode> {
         self.cyclic.filter(|mode| mode.is_cyclic())
     }
+
+    /// The same where they are positions: moves are made of them.
+    pub fn travels(&self) -> Option<Mode> {
+        self.cyclic.filter(|mode| matches!(mode, Mode::InterpolatedPosition | Mode::CyclicPosition))
+    }
 }
 
 /// How a drive finds home; what is `None` is left as it is.
@@ -79,7 +84,8 @@ impl Order {
 /// How a drive is to move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Motion {
-    /// To a position, with the drive's own profile.
+    /// To a position, with the drive's own profile. Where the drive's cyclic mode has positions, in that: the set-points of the
+    /// way are made here, within what the drive is set to (6081h, 607Fh, 6083h, 6084h).
     Position {
         /// Where, position units.
         target: i32,

@@ -7,6 +7,6 @@ use puente_servos::Master;
 fn a_master_is_small() {
     let (whole, manager) = (size_of::<Master<'_, 8, 8, 4>>(), size_of::<Manager<'_, 8, 4>>());
     let drive = (whole - manager) / 8;
-    assert!(drive <= 600, "{drive} bytes a drive");
+    assert!(drive <= 650, "{drive} bytes a drive");
     assert!(whole <= 12 * 1024, "{whole} bytes, of them {manager} for the manager");
 }

@@ -1,5 +1,5 @@
 use puente_canopen::Address;
-use puente_drives::cia402::Profile;
+use puente_drives::cia402::{Mode, Profile};
 
 use super::super::{
     Canopen, Cia402, Cidr, ClientFrames, Drive, Echo, Edb, Framed, Modbus, Node, Payload, Pid, Policy,
@@ -111,6 +111,7 @@ fn largest_canopen() -> Settings {
         homing_slow: Some(u32::MAX),
         homing_acceleration: Some(u32::MAX),
         max_velocity: Some(u32::MAX),
+        cyclic: Some(Mode::InterpolatedPosition),
     });
     let longest =
         Write { address: Address::new(u16::MAX, 255), value: Value::R64(-1.234_567_890_123_456_7e-308) };

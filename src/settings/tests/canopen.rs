@@ -1,7 +1,7 @@
 //! Settings of CANopen buses, their axes and their nodes.
 
 use puente_canopen::Address;
-use puente_drives::cia402::Profile;
+use puente_drives::cia402::{Mode, Profile};
 
 use super::super::keeper::DOCUMENT;
 use super::*;
@@ -87,6 +87,7 @@ fn what_does_not_hold_is_told() {
         ("\"address\":3", "\"address\":2", "[[axis]] \"v\" address: axis \"u\" has this drive"),
         ("\"homing_fast\":null", "\"homing_fast\":0", "[[axis]] \"u\" homing_fast: it must be above 0"),
         ("\"homing\":-4", "\"homing\":0", "[[axis]] \"u\" homing: a method of CiA 402"),
+        ("\"cyclic\":null", "\"cyclic\":\"csp\"", "[[axis]] \"u\" cyclic: the profile has no such mode"),
         ("\"homing\":-4", "\"max_rpm\":1", "[[axis]] \"u\" max_rpm: this drive has no such key"),
         ("\"id\":5", "\"id\":0", "[[node]] 0 of \"can\" id: 1 to 127"),
         ("\"id\":5", "\"id\":127", "[[node]] 127 of \"can\" id: it must differ from the node of"),
@@ -108,6 +109,9 @@ fn what_does_not_hold_is_told() {
     }
     for (good, bad) in [
         ("lexium23a", "lexium"),
+        ("\"cyclic\":null", "\"cyclic\":\"pp\""),
+        ("\"cyclic\":null", "\"cyclic\":\"csv\""),
+        ("\"cyclic\":null", "\"cyclic\":7"),
         ("\"0x6083\"", "\"6083h\""),
         ("\"0x6083\"", "24707"),
         ("\"u32\"", "\"u33\""),
@@ -162,6 +166,68 @@ fn the_compact_form_of_a_canopen_bus() {
     assert_eq!(bytes[..length].escape_ascii().to_string(), expected.concat().escape_ascii().to_string());
 }
 
+/// Of an axis.
+fn cyclic(settings: &mut Settings, axis: usize) -> &mut Option<Mode> {
+    match &mut settings.axes[axis].drive {
+        Drive::Cia402(cia402) => &mut cia402.cyclic,
+        _ => panic!("a drive of CiA 402"),
+    }
+}
+
+#[test]
+fn a_cyclic_mode_needs_a_sync_that_can_be_said() {
+    let text = DOCUMENT_TEXT.replace("\"address\": 3", "\"address\": 3, \"cyclic\": \"csp\"");
+    let mut settings = read(&text).expect("a document");
+    assert_eq!(*cyclic(&mut settings, 1), Some(Mode::CyclicPosition));
+    *cyclic(&mut settings, 0) = Some(Mode::InterpolatedPosition);
+    for (sync_us, problem) in [
+        (1_000, None),
+        (25_500, None),
+        (0, Some("[[axis]] \"u\" cyclic: the bus needs a sync_us above 0 for it")),
+        (
+            25_600,
+            Some("[[axis]] \"u\" cyclic: sync_us of the bus must be 1 to 255 times a power of ten for it"),
+        ),
+    ] {
+        if let Protocol::Canopen(canopen) = &mut settings.buses[0].protocol {
+            canopen.sync_us = sync_us;
+        }
+        let found = settings.check().err().map(|problem| problem.to_string());
+        assert_eq!(found.as_deref(), problem, "{sync_us}");
+    }
+    let text = text_of(&document()).replace("\"drive\":\"cia402\"", "\"drive\":\"edb\"");
+    let problem = read(&text).expect("a document").check().expect_err("of another drive");
+    assert!(problem.to_string().starts_with("[[axis]] \"u\" "), "{problem}");
+}
+
+/// The modes come last, and only where there are some: firmware that does not know them refuses such a document.
+#[test]
+fn the_compact_form_of_cyclic_modes() {
+    let mut settings = document();
+    settings.net = Settings::factory().net;
+    settings.nodes.clear();
+    let mut bytes = [0; 512];
+    let before = record::emit(&mut bytes, Some(&settings), None).expect("room");
+    let without = bytes[10..before].to_vec();
+    *cyclic(&mut settings, 1) = Some(Mode::CyclicPosition);
+    let length = record::emit(&mut bytes, Some(&settings), None).expect("room");
+    // No ports, no nodes; two axes.
+    let expected = [&without[..], b"\0\0\0", b"\x02\0\x08"].concat();
+    assert_eq!(bytes[10..length].escape_ascii().to_string(), expected.escape_ascii().to_string());
+    let read = |bytes: &[u8]| {
+        let mut found = Settings::factory();
+        let read = Record::parse(bytes).expect("a record").confirmed(&mut found);
+        read.map(|_| found)
+    };
+    assert_eq!(read(&bytes[..length]), Ok(settings));
+    // A mode that no move is made in, of an axis that there is not, and one too many.
+    for (place, value) in [(length - 1, 9), (length - 1, 0xFF), (length - 3, 3)] {
+        let mut other = bytes[..length].to_vec();
+        other[place] = value;
+        assert_eq!(read(&other), Err(record::Unreadable), "{value} at {place}");
+    }
+}
+
 prop_compose! {
     fn any_write()(index: u16, sub: u8, kind in 0..6_u8, bits: u64) -> Write {
         let value = match kind {
@@ -203,9 +269,14 @@ proptest! {
     fn every_form_gives_the_same_nodes_back(
         nodes in proptest::collection::vec(any_node(), 0..8),
         ports in (0..3_u16, 10..12_u16),
+        modes in proptest::array::uniform2(0..3_usize),
     ) {
         let mut settings = document();
         (settings.net.slcan_port, settings.net.socketcand_port) = ports;
+        let known = [None, Some(Mode::InterpolatedPosition), Some(Mode::CyclicPosition)];
+        // The first axis has no CSP.
+        *cyclic(&mut settings, 0) = known[modes[0] % 2];
+        *cyclic(&mut settings, 1) = known[modes[1]];
         settings.nodes.clear();
         for node in nodes {
             if settings.nodes.iter().all(|other| other.id != node.id) {

@@ -3,7 +3,7 @@
 //! - [`State`], [`Command`]: the power drive state machine. [`Controlword`], [`Statusword`]: how it is told and tells.
 //! - [`Machine`]: takes a drive to a state, step by step; a drive under current never jumps.
 //! - [`Mode`]: modes of operation. [`position`]: the handshake of profile position. [`homing`]: homing.
-//!   [`Period`]: the grid of interpolated position.
+//!   [`Period`]: the grid of interpolated position. [`way`]: the set-points to a position.
 //! - [`object`]: the objects of it all. [`Profile`]: what is particular to a drive. [`check`]: whether a node is such a drive.
 //!
 //! Nothing here sends or waits: whoever does brings the statusword, and writes the objects it is told to.
@@ -24,6 +24,7 @@ mod preset;
 mod profile;
 mod state;
 mod status;
+pub mod way;
 
 pub use command::{Command, Transition, transition};
 pub use control::Controlword;

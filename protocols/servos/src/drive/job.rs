@@ -1,7 +1,7 @@
 //! What is read and written over SDO, one object at a time.
 
-use puente_canopen::sdo;
-use puente_drives::cia402::object::{ERROR_CODE, STATUSWORD};
+use puente_canopen::sdo::{self, Abort};
+use puente_drives::cia402::object::{ERROR_CODE, MAX_PROFILE_VELOCITY, STATUSWORD};
 use puente_drives::cia402::{Mode, Object, Preset, State, presets};
 use puente_line::Instant;
 
@@ -31,6 +31,8 @@ enum Purpose {
     Preset(Mode),
     /// What the drive shall be told, and no PDO has.
     Told,
+    /// How fast it may be.
+    Limit,
     /// Why it is in fault.
     Fault,
 }
@@ -42,6 +44,10 @@ impl Job {
 
     pub(super) const fn noted(object: Object) -> Self {
         Self { object, write: None, purpose: Purpose::Noted }
+    }
+
+    pub(super) const fn limit(object: Object) -> Self {
+        Self { object, write: None, purpose: Purpose::Limit }
     }
 
     pub(super) const fn check(object: Object) -> Self {
@@ -113,6 +119,7 @@ impl Drive {
                     self.presets_are(mode);
                 }
             }
+            Purpose::Limit => self.limit(job.object, value as u32),
             Purpose::Fault => {
                 self.fault = Some(value as u16);
                 self.fault_read = true;
@@ -125,7 +132,11 @@ impl Drive {
         match job.purpose {
             Purpose::Check | Purpose::Known => self.patient_until = now + SILENCE,
             Purpose::Fault => self.fault_read = true,
-            Purpose::Noted | Purpose::Stands | Purpose::Preset(_) | Purpose::Told => {
+            // It is the only one that a drive may be without.
+            Purpose::Limit if job.object == MAX_PROFILE_VELOCITY && is_missing(failure) => {
+                self.limit(job.object, u32::MAX);
+            }
+            Purpose::Limit | Purpose::Noted | Purpose::Stands | Purpose::Preset(_) | Purpose::Told => {
                 self.output.leave(job.object);
                 self.trouble = Some(Failure::Object { address: job.object.address, failure });
             }
@@ -188,4 +199,9 @@ impl Drive {
         self.wake_at(at);
         None
     }
+}
+
+/// Whether there is no such object.
+fn is_missing(failure: sdo::Failure) -> bool {
+    matches!(failure, sdo::Failure::Aborted(Abort::NO_OBJECT | Abort::NO_SUB_INDEX))
 }

@@ -9,9 +9,11 @@ mod job;
 mod motion;
 mod output;
 mod power;
+mod travel;
 
 use core::time::Duration;
 
+use heapless::Vec;
 use puente_canopen::{Frame, boot, nmt};
 use puente_drives::cia402::homing;
 use puente_drives::cia402::object::{HOMING_METHOD, MODE};
@@ -23,6 +25,7 @@ use crate::{Axis, Failure, Node, Order, Progress, Report, Why};
 use input::Input;
 pub(crate) use job::Job;
 use output::Output;
+use travel::{LIMITS_READ, Travel};
 
 /// A word that brings nothing about is told again after this.
 const REPEAT: Duration = Duration::from_millis(200);
@@ -91,6 +94,10 @@ pub(crate) struct Drive {
     target: Option<i32>,
     /// The set-point of the cyclic mode.
     set_point: i32,
+    /// The move whose set-points are made here.
+    travel: Option<Travel>,
+    /// How fast it may be, as far as that has been read for what is wanted.
+    limits: Vec<u32, LIMITS_READ>,
     /// SYNC cycles that the set-point has been told in since it was preset.
     streamed: u8,
     homed: bool,
@@ -139,6 +146,8 @@ impl Drive {
             taken: false,
             target: None,
             set_point: 0,
+            travel: None,
+            limits: Vec::new(),
             streamed: 0,
             homed: false,
             fault: None,
@@ -181,6 +190,7 @@ impl Drive {
         self.stands_at = None;
         self.mode_since = None;
         self.taken = false;
+        self.limits.clear();
         self.since = now;
         self.due = true;
         match order {
@@ -219,6 +229,7 @@ impl Drive {
         self.engaged = false;
         self.halted = false;
         self.target = None;
+        self.travel = None;
     }
 
     /// What was wanted is not wanted any more. What was to be under current is told a quick stop, in case it hears that.
@@ -253,6 +264,7 @@ impl Drive {
             self.begun = false;
             self.halted = false;
             self.target = None;
+            self.travel = None;
         }
         self.output.set_word(word);
     }
@@ -433,6 +445,11 @@ impl Drive {
     pub fn cycle(&mut self) -> Option<Frame> {
         if !self.follows() {
             return None;
+        }
+        if let Some(travel) = &mut self.travel {
+            let (set_point, there) = travel.step();
+            self.set_point = set_point;
+            self.due |= there;
         }
         self.streamed = self.streamed.saturating_add(1);
         self.due |= self.streamed == PRESET_CYCLES;

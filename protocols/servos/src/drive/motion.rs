@@ -25,6 +25,9 @@ impl Drive {
             return Ok(Progress::Running);
         }
         match motion {
+            Motion::Position { target, velocity, relative, .. } if mode.is_cyclic() => {
+                self.travel(now, status, mode, target, velocity, relative)
+            }
             Motion::Position { target, velocity, relative, .. } => {
                 if let Some(velocity) = velocity {
                     self.output.set(PROFILE_VELOCITY, velocity.into());
@@ -41,7 +44,7 @@ impl Drive {
         }
     }
 
-    fn enabled(&mut self, bits: u16) {
+    pub(super) fn enabled(&mut self, bits: u16) {
         self.command(Controlword::of(Command::EnableOperation), bits);
     }
 
@@ -109,6 +112,7 @@ impl Drive {
             self.preset = None;
             self.halted = false;
         }
+        self.travel = None;
         self.set_point = value;
         self.enabled(mode.run_bits());
         if self.output.is_told() && status.has(Statusword::MODE_12) {

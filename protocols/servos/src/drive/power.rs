@@ -126,10 +126,10 @@ impl Drive {
         let either = |own: Mode, other| if cyclic == Some(own) { own } else { other };
         let mode = match motion {
             None => match self.input.mode {
-                Some(mode) if self.stands_in(mode) => mode,
-                _ => Mode::ProfilePosition,
+                Some(mode) if self.stands_in(mode) && (self.engaged || self.axis.travels().is_none()) => mode,
+                _ => self.axis.travels().unwrap_or(Mode::ProfilePosition),
             },
-            Some(Motion::Position { .. }) => Mode::ProfilePosition,
+            Some(Motion::Position { .. }) => self.axis.travels().unwrap_or(Mode::ProfilePosition),
             Some(Motion::Velocity(_)) => either(Mode::CyclicVelocity, Mode::ProfileVelocity),
             Some(Motion::Torque(_)) => either(Mode::CyclicTorque, Mode::ProfileTorque),
             Some(Motion::Home { .. }) => Mode::Homing,
@@ -237,13 +237,17 @@ impl Drive {
             _ => {}
         }
         self.target = None;
+        self.travel = None;
         self.handshake.clear();
         self.homing.cancel();
         self.command(Controlword::of(Command::EnableOperation), Controlword::HALT);
     }
 
-    /// Halts it; whether it stands.
+    /// Halts it, or lets it slow down on its way; whether it stands.
     pub(super) fn comes_to_stand(&mut self, now: Instant, status: Statusword) -> Result<bool, Failure> {
+        if let Some(stands) = self.slows_down() {
+            return Ok(stands);
+        }
         self.halt(now);
         if !self.output.is_told() {
             return Ok(false);

@@ -92,3 +92,54 @@ fn interpolated_positions_are_followed() {
         assert_eq!(rig.fell, []);
     }
 }
+
+/// From its set-points' first to their last nothing jumps: what is told is as fast as the drive is set to, and no faster.
+#[test]
+fn a_move_is_made_of_set_points() {
+    for (model, profile) in DRIVES {
+        let axis = Axis { cyclic: Some(Mode::InterpolatedPosition), ..Axis::new(NodeId::MIN, profile) };
+        let mut rig = Rig::new(&[axis], model, Duration::from_millis(1));
+        rig.reach(0, Order::Hold);
+        assert_eq!(rig.report(0).mode, Some(Mode::InterpolatedPosition), "it waits where it is to move");
+        let here = rig.report(0).position.expect("a position");
+        let go = |target, velocity, serial| {
+            Order::Move(Motion::Position { target, velocity, relative: false, serial })
+        };
+        rig.watch();
+        rig.reach(0, go(here + 200_000, Some(400_000), 1));
+        near(rig.position(1), f64::from(here + 200_000));
+        // 10 000 000 units/s² as delivered, for 1 ms.
+        let seen = rig.watched();
+        assert_eq!(seen.first(), Some(&here));
+        assert!(rig.fastest(&seen) <= 400 && rig.hardest(&seen) <= 11, "{seen:?}");
+        let moved = seen.iter().filter(|position| **position != here && **position != here + 200_000).count();
+        // 0.2 Mu at 0.4 Mu/s, and 40 ms at half of that up and down.
+        assert!((535..=545).contains(&moved), "{moved}");
+        // Back, and to another place on the way; then it is let stand there.
+        rig.watch();
+        rig.set(0, go(here, None, 2));
+        rig.run_ms(100);
+        rig.set(0, go(here + 300_000, None, 3));
+        rig.run_ms(250);
+        rig.reach(0, Order::Hold);
+        let seen = rig.watched();
+        let stands = *seen.last().expect("set-points");
+        assert!(rig.fastest(&seen) <= 1_000 && rig.hardest(&seen) <= 11, "{seen:?}");
+        assert!((here + 1_000..here + 299_000).contains(&stands), "{stands}");
+        near(rig.position(1), f64::from(stands));
+        rig.reach(
+            0,
+            Order::Move(Motion::Position { target: 500, velocity: None, relative: true, serial: 4 }),
+        );
+        near(rig.position(1), f64::from(stands + 500));
+        // What it is to be otherwise, it is.
+        rig.reach(0, Order::Move(Motion::Velocity(10_000)));
+        rig.reach(0, go(here, None, 5));
+        rig.set(0, go(here + 1_000_000, None, 6));
+        rig.run_ms(200);
+        rig.reach(0, Order::Stop);
+        rig.run_ms(500);
+        assert!(rig.velocity(1) == 0.0 && rig.position(1) < f64::from(here + 300_000));
+        assert_eq!(rig.fell, []);
+    }
+}

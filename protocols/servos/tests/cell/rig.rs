@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use puente_canopen::NodeId;
 use puente_canopen::boot::{Plan, Signs};
+use puente_canopen::cob::Function;
 use puente_canopen::dcf::List;
 use puente_canopen::lss::Known;
 use puente_canopen::manager::{Config, Member};
@@ -18,6 +19,8 @@ pub struct Rig {
     pub now: Instant,
     pub reports: Vec<Option<(Report, bool)>>,
     pub fell: Vec<(usize, Why)>,
+    /// Set-points of interpolated position that the master has sent.
+    set_points: Vec<i32>,
 }
 
 impl Rig {
@@ -51,7 +54,14 @@ impl Rig {
         let config = Config { sync, heartbeat: Duration::from_millis(50), ..Config::new(NodeId::MAX) };
         let mut master = Box::new(Master::new(config, members, axes.iter().copied(), now));
         master.start(now);
-        let mut rig = Self { cell, master, now, reports: vec![None; axes.len()], fell: Vec::new() };
+        let mut rig = Self {
+            cell,
+            master,
+            now,
+            reports: vec![None; axes.len()],
+            fell: Vec::new(),
+            set_points: Vec::new(),
+        };
         for place in 0..axes.len() {
             rig.wait(|rig| rig.reports[place].is_some_and(|(report, _)| report.node == Node::Present));
         }
@@ -92,7 +102,14 @@ impl Rig {
         loop {
             match self.master.poll(self.now) {
                 Action::Idle => return,
-                Action::Transmit(frame) => self.cell.send(self.now, 0, &frame),
+                Action::Transmit(frame) => {
+                    if let (Some(Function::Rpdo(4, _)), Some(data)) =
+                        (Function::of(frame.id()), frame.data().first_chunk())
+                    {
+                        self.set_points.push(i32::from_le_bytes(*data));
+                    }
+                    self.cell.send(self.now, 0, &frame);
+                }
                 Action::Reported { place, report, current } => self.reports[place] = Some((report, current)),
                 Action::Fell { place, why } => self.fell.push((place, why)),
                 Action::Manager(_) => {}
@@ -120,6 +137,25 @@ impl Rig {
             assert!(!matches!(report.progress, Progress::Failed(_)), "{order:?}: {report:?}");
             current && report.progress == Progress::Reached
         });
+    }
+
+    /// From now on its set-points are looked at.
+    pub fn watch(&mut self) {
+        self.set_points.clear();
+    }
+
+    pub fn watched(&self) -> Vec<i32> {
+        self.set_points.clone()
+    }
+
+    /// Position units in a cycle.
+    pub fn fastest(&self, set_points: &[i32]) -> u32 {
+        set_points.windows(2).map(|pair| pair[1].abs_diff(pair[0])).max().unwrap_or(0)
+    }
+
+    /// Position units in a cycle more than in the one before, or less.
+    pub fn hardest(&self, set_points: &[i32]) -> u32 {
+        set_points.windows(3).map(|next| (next[2] - next[1]).abs_diff(next[1] - next[0])).max().unwrap_or(0)
     }
 
     pub fn position(&self, node: u8) -> f64 {
