@@ -25,7 +25,7 @@ use crate::settings::{self, AXIS_HEARTBEAT_MS, Bus, Canopen, Cia402, Drive, Node
 /// Bytes of a value as it is listed for a node: index, sub-index, size, and the longest value.
 const ENTRY: usize = 3 + 4 + 8;
 /// Bytes of what is written to an axis' node: its PDOs, with a cyclic mode or without, its homing, and two values more.
-const AXIS: usize = 256;
+const AXIS: usize = 254;
 /// Bytes of what is written to one node, and to all of them; before each list there is its length.
 const MOST: usize = 4 + WRITES * ENTRY + AXIS;
 const ALL: usize = AXES * (4 + AXIS + setup::MOST_WATCH) + NODES * (4 + WRITES * ENTRY);

@@ -447,7 +447,7 @@ impl Drive {
             return None;
         }
         if let Some(travel) = &mut self.travel {
-            let (set_point, there) = travel.step();
+            let (set_point, there) = travel.step(self.target);
             self.set_point = set_point;
             self.due |= there;
         }

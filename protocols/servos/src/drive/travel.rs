@@ -27,25 +27,24 @@ pub(super) struct Travel {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
     /// The drive does not follow yet.
-    Awaits(i32),
-    /// To a position, on with each SYNC.
-    To(i32),
-    /// To a standstill.
-    Slows,
+    Awaits,
+    /// On with each SYNC.
+    Goes,
     /// The way has come to its end,
     Over,
-    /// as was seen then.
-    Settles(Instant),
+    /// as has been seen.
+    Settles,
 }
 
 impl Travel {
-    /// The set-point of the next SYNC cycle, and whether the way has just come to its end.
-    pub(super) fn step(&mut self) -> (i32, bool) {
-        let over = match self.phase {
-            Phase::To(target) => self.way.towards(target, &self.steps),
-            Phase::Slows => self.way.brake(&self.steps),
-            Phase::Awaits(_) | Phase::Over | Phase::Settles(_) => false,
-        };
+    /// The set-point of the next SYNC cycle on the way to a target, or to a standstill; whether the way has just come to its
+    /// end.
+    pub(super) fn step(&mut self, target: Option<i32>) -> (i32, bool) {
+        let over = self.phase == Phase::Goes
+            && match target {
+                Some(target) => self.way.towards(target, &self.steps),
+                None => self.way.brake(&self.steps),
+            };
         if over {
             self.phase = Phase::Over;
         }
@@ -75,10 +74,10 @@ impl Drive {
             let target = base.wrapping_add(target);
             let steps = Steps::new(limits, self.sync);
             self.travel = Some(match self.travel {
-                Some(Travel { way, phase, .. }) if !matches!(phase, Phase::Awaits(_)) => {
-                    Travel { way, steps, phase: Phase::To(target) }
+                Some(Travel { way, phase, .. }) if phase != Phase::Awaits => {
+                    Travel { way, steps, phase: Phase::Goes }
                 }
-                _ => Travel { way: Way::standing(self.set_point), steps, phase: Phase::Awaits(target) },
+                _ => Travel { way: Way::standing(self.set_point), steps, phase: Phase::Awaits },
             });
             self.target = Some(target);
             self.begun = true;
@@ -95,22 +94,24 @@ impl Drive {
             return Ok(Progress::Running);
         };
         let phase = match travel.phase {
-            Phase::Awaits(target) if told && status.has(Statusword::MODE_12) => Phase::To(target),
-            Phase::Awaits(_) if told && self.passed(now, told_at, MODE_TIME) => {
+            Phase::Awaits if told && status.has(Statusword::MODE_12) => Phase::Goes,
+            Phase::Awaits if told && self.passed(now, told_at, MODE_TIME) => {
                 return Err(Failure::Mode(mode));
             }
             Phase::Over => {
+                self.since = now;
                 self.wake_at(now + SETTLE);
-                Phase::Settles(now)
+                Phase::Settles
             }
-            Phase::Settles(since) => {
+            Phase::Settles => {
                 // Not all say that they are there.
+                let since = self.since;
                 let settled = self.passed(now, since, SETTLE) && status.has(Statusword::TARGET_REACHED);
                 if settled || self.passed(now, since, CYCLIC_STAND) {
                     self.travelled();
                     return Ok(Progress::Reached);
                 }
-                travel.phase
+                Phase::Settles
             }
             phase => phase,
         };
@@ -123,14 +124,12 @@ impl Drive {
         if !self.follows() {
             return None;
         }
-        let travel = self.travel.as_mut()?;
+        let stands = self.travel?.phase != Phase::Goes;
         self.target = None;
-        if let Phase::To(_) | Phase::Slows = travel.phase {
-            travel.phase = Phase::Slows;
-            return Some(false);
+        if stands {
+            self.travelled();
         }
-        self.travelled();
-        Some(true)
+        Some(stands)
     }
 
     /// It is where its set-points have taken it.
