@@ -33,7 +33,13 @@ impl Rig {
 
     /// Axes that move by set-points with every SYNC.
     fn cyclic(lease_ms: u32) -> Self {
-        let rig = Self::with(lease_ms, "sync_us = 10000", "cyclic = \"ip\"", |document| document);
+        // Whoever holds the machine up takes no drive for lost.
+        let patient = |document| {
+            AXES.iter().fold(document, |document: Document, (_, id)| {
+                document.node("can", *id, "heartbeat_ms = 4000")
+            })
+        };
+        let rig = Self::with(lease_ms, "sync_us = 10000", "cyclic = \"ip\"", patient);
         rig.are_present(&AXES);
         rig
     }

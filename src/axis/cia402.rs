@@ -373,10 +373,15 @@ fn unable(report: &Report, failure: Unable) -> AxisError {
     }
 }
 
-/// Whether an axis turns: it is under current, by its own word, and says a velocity.
+/// Whether an axis turns: it is under current, by its own word, and says a velocity. One that says none, as where moves are
+/// made of set-points, is taken to turn while it is on its way, or stops.
 pub(super) fn turns(view: &View) -> bool {
     let Some((_, report)) = view.servo() else { return false };
-    report.state().is_some_and(powered) && report.velocity.is_some_and(|velocity| velocity != 0)
+    let Some(state) = report.state().filter(|state| powered(*state)) else { return false };
+    match report.velocity {
+        Some(velocity) => velocity != 0,
+        None => report.progress == Progress::Running || state != State::OperationEnabled,
+    }
 }
 
 /// Whether a drive is under current in this state.

@@ -53,6 +53,8 @@ pub struct Config {
     pub drives: Vec<DriveConfig>,
     /// Stations outside: seats 0 and on.
     pub ports: usize,
+    /// In which order their controllers send what they have.
+    pub order: Order,
     /// Probability that a frame is heard by nobody, though it is acknowledged.
     pub drop: f64,
     /// Probability that a frame is destroyed and sent again.
@@ -64,7 +66,7 @@ pub struct Config {
 impl Config {
     /// One station outside, no nodes, nothing goes wrong.
     pub fn new(bitrate: u32) -> Self {
-        Self { bitrate, drives: Vec::new(), ports: 1, drop: 0.0, errors: 0.0, seed: 1 }
+        Self { bitrate, drives: Vec::new(), ports: 1, order: Order::Given, drop: 0.0, errors: 0.0, seed: 1 }
     }
 
     /// With a node more.
@@ -93,7 +95,7 @@ impl Cell {
         bus.set_drop(config.drop);
         bus.set_errors(config.errors);
         for _ in 0..config.ports {
-            bus.join(Order::Given);
+            bus.join(config.order);
         }
         for _ in &config.drives {
             bus.join(Order::Identifier);

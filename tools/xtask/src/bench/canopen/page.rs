@@ -18,15 +18,17 @@ pub fn page(rows: &[Row]) -> String {
          The *load* is what the bus has counted; *computed* is the sum of the frames that its stations say they have sent.\n\n\
          | bus | cycles | missed | load | computed | busy after SYNC, at most | SYNC waited, at most | from SYNC to SYNC |\n\
          |---|--:|--:|--:|--:|--:|--:|--:|\n{}\n\
-         Six axes are the first bus and the last together, each with a master of its own, which have nothing in common but the\n\
-         time.\n\n\
+         Six axes are driven at once in the same time: two buses, each with a master of its own, and SYNC of both in the same\n\
+         moment.\n\n\
          ## Where the bits are\n\n\
          | bus | SYNC | set-points | answers | others | transfers of the client |\n\
          |---|--:|--:|--:|--:|--:|\n{}\n\
          ## Bounds\n\n\
          A frame that has begun is not taken off the bus. So SYNC, which is before all others but NMT, waits for one frame at\n\
-         most: {} bits for 8 bytes with all their stuff bits, {} ms. The gateway's port here sends in the order given: where a\n\
-         frame of its own is already there, as with the client, SYNC waits for that one, too. With one frame before it the\n\
+         most: {} bits for 8 bytes with all their stuff bits and the intermission, {} ms. That takes a controller that lets SYNC\n\
+         go before frames of its own that have not begun, as the mailboxes of the boards do (`src/port/can/mailboxes.rs`), and the\n\
+         port here. In an adapter that sends in the order given SYNC waits for the frames there, too: one that has been put there\n\
+         during the intermission goes first, 3 bits and then up to {} bits more. With one frame before it the\n\
          cycle of three axes takes {} bits and {} ms at most; one of six on a single bus would take {} bits, {} ms, which is why\n\
          they are on two.",
         ms(PERIOD),
@@ -35,6 +37,7 @@ pub fn page(rows: &[Row]) -> String {
         rows.iter().map(shares).collect::<String>(),
         Frame::worst_bits(false, 8),
         ms(blocking()),
+        Frame::worst_bits(false, 8),
         worst_cycle(3),
         ms(blocking() + wire(worst_cycle(3))),
         worst_cycle(6),

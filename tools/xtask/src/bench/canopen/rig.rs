@@ -9,11 +9,11 @@ use puente_canopen::manager::{self, Config, Member};
 use puente_canopen::monitor::Supervision;
 use puente_canopen::sdo::Transfer;
 use puente_canopen::{Address, Frame, Id, NodeId};
-use puente_cell::can::bus::Event;
+use puente_cell::can::bus::{Event, Order};
 use puente_cell::can::{self, Cell, DriveConfig, Model};
 use puente_drives::cia402::{Mode, Profile};
 use puente_line::Instant;
-use puente_servos::{Action, Axis, Master, Motion, Order, Progress, setup};
+use puente_servos::{Action, Axis, Master, Motion, Order as Wanted, Progress, setup};
 
 /// bit/s.
 pub const BITRATE: u32 = 1_000_000;
@@ -21,6 +21,8 @@ pub const BITRATE: u32 = 1_000_000;
 pub const PERIOD: Duration = Duration::from_millis(1);
 /// A heartbeat of each node so often, ms.
 const HEARTBEAT: u16 = 1_000;
+/// A client asks again after this: no gateway is so fast that the bus is not free in between.
+pub const PAUSE: Duration = Duration::from_micros(10);
 /// All axes follow after this at the latest.
 const START: Duration = Duration::from_secs(10);
 /// A path goes to and fro in so many cycles of 1 ms,
@@ -101,15 +103,17 @@ pub struct Rig {
     follow: Vec<bool>,
     /// The paths have begun: so many cycles ago.
     path: Option<i32>,
-    /// A client reads an object of the first drive without a pause,
+    /// A client reads an object of the first drive again and again,
     client: bool,
-    /// now.
-    reads: bool,
+    /// from then on; `None`: not now.
+    reads: Option<Instant>,
     /// What the bus has shown of the cycle since the last SYNC, whose end was then.
     cycle: Vec<Cycle>,
     sync: Option<Instant>,
     last: Instant,
     counts: bool,
+    /// What the bus had counted before.
+    before: Share,
     figures: Figures,
 }
 
@@ -119,7 +123,8 @@ impl Rig {
     /// # Errors
     /// One that says what is wrong with them.
     pub fn new(nodes: &[u8], client: bool) -> Result<Self, String> {
-        let mut config = can::Config::new(BITRATE);
+        // As the mailboxes of a board's controller do.
+        let mut config = can::Config { order: Order::Identifier, ..can::Config::new(BITRATE) };
         let (mut axes, mut members) = (Vec::new(), Vec::new());
         for node in nodes {
             let drive = DriveConfig::new(*node, Model::Lexium23a).ok_or("a node-ID is 1 to 127")?;
@@ -142,82 +147,76 @@ impl Rig {
             follow: vec![false; axes.len()],
             path: None,
             client,
-            reads: false,
+            reads: None,
             cycle: vec![Cycle::default(); axes.len()],
             sync: None,
             last: now,
             counts: false,
+            before: Share::default(),
             figures: Figures { shortest: Duration::MAX, ..Figures::default() },
         })
     }
 
-    /// Lets all drives follow their paths.
-    ///
-    /// # Errors
-    /// One that does not.
-    pub fn start(&mut self) -> Result<(), String> {
-        let end = self.now + START;
+    /// Whether all drives follow, where they stand; those that are there are told to.
+    fn follows(&mut self) -> bool {
         for place in 0..self.axes.len() {
-            // Where it stands, once it is there.
-            while self.master.order(place) == Order::Observe && self.now < end {
-                self.run(self.now + PERIOD)?;
-                self.master.set(self.now, place, Order::Observe);
-                self.master.set(self.now, place, Order::Hold);
+            if self.master.order(place) == Wanted::Observe {
+                // What it has fallen from does not count before this.
+                self.master.set(self.now, place, Wanted::Observe);
+                self.master.set(self.now, place, Wanted::Hold);
             }
         }
-        while !self.follow.iter().all(|follows| *follows) {
-            if self.now >= end {
-                return Err("a drive does not follow".into());
-            }
-            self.run(self.now + PERIOD)?;
-        }
-        self.path = Some(0);
-        self.run(self.now + PERIOD * 100)
+        self.follow.iter().all(|follows| *follows)
     }
 
-    /// Measures for a time: whole periods, from a moment at which nothing is under way.
-    ///
-    /// # Errors
-    /// A drive that falls.
-    pub fn measure(&mut self, time: Duration) -> Result<Figures, String> {
-        let sync = self.master.manager().sync_at().ok_or("there is no SYNC")?;
-        self.run(sync.before())?;
-        self.reads = self.client;
+    /// From now on it is measured.
+    fn begin(&mut self) {
+        self.reads = self.client.then_some(self.now);
         (self.counts, self.sync) = (true, None);
-        let before = self.cell.totals();
-        // What the client has asked for is answered by then.
-        self.run(sync + time.saturating_sub(PERIOD * 5))?;
-        self.reads = false;
-        self.run((sync + time).before())?;
-        self.close();
-        let after = self.cell.totals();
-        let bus = Share { frames: after.frames - before.frames, bits: after.bits - before.bits };
-        Ok(Figures { bus, ..self.figures })
+        self.before = self.totals();
     }
 
-    /// Lets time pass.
-    fn run(&mut self, end: Instant) -> Result<(), String> {
-        while self.now < end {
-            self.act()?;
-            let next = [self.master.poll_at(), self.cell.poll_at()].into_iter().flatten().min();
-            self.now = next.unwrap_or(end).max(self.now).min(end);
-            while let Some(heard) = self.cell.hear(self.now, 0) {
-                self.count(&heard.frame);
-                self.master.receive(self.now, &heard.frame);
-            }
-            self.look();
+    /// What was measured.
+    fn end(&mut self) -> Figures {
+        self.close();
+        let after = self.totals();
+        let bus = Share { frames: after.frames - self.before.frames, bits: after.bits - self.before.bits };
+        Figures { bus, ..self.figures }
+    }
+
+    /// What the bus has counted so far.
+    fn totals(&self) -> Share {
+        let totals = self.cell.totals();
+        Share { frames: totals.frames, bits: totals.bits }
+    }
+
+    /// When something happens next.
+    fn poll_at(&self) -> Option<Instant> {
+        let reads = self.reads.filter(|at| *at > self.now);
+        [self.master.poll_at(), self.cell.poll_at(), reads].into_iter().flatten().min()
+    }
+
+    /// It is now so late.
+    fn advance(&mut self, now: Instant) {
+        self.now = now;
+        while let Some(heard) = self.cell.hear(now, 0) {
+            self.count(&heard.frame);
+            self.master.receive(now, &heard.frame);
         }
-        self.act()
+        self.look();
     }
 
     /// Does what the master asks for.
     fn act(&mut self) -> Result<(), String> {
         loop {
-            if self.reads
+            if self.reads.is_some_and(|at| at <= self.now)
                 && let Some((node, _)) = self.axes.first()
             {
                 let transfer = Transfer::Upload { address: Address::new(0x1000, 0), block: false };
-                let _ = self.master.submit(self.now, *node, transfer);
+                if self.master.submit(self.now, *node, transfer).is_ok() {
+                    // Until it is done.
+                    self.reads = Some(Instant::from_micros(u64::MAX));
+                }
             }
             match self.master.poll(self.now) {
                 Action::Idle => return Ok(()),
@@ -231,21 +230,22 @@ impl Rig {
                 Action::Reported { place, report, .. } => {
                     if let (Some((_, base)), Some(here), None) =
                         (self.axes.get_mut(place), report.position, self.path)
-                        && matches!(self.master.order(place), Order::Hold)
+                        && matches!(self.master.order(place), Wanted::Hold)
                         && report.progress == Progress::Reached
                     {
                         *base = here;
-                        self.master.set(self.now, place, Order::Move(Motion::Interpolate(here)));
+                        self.master.set(self.now, place, Wanted::Move(Motion::Interpolate(here)));
                     } else if let Some(follows) = self.follow.get_mut(place) {
-                        *follows = matches!(self.master.order(place), Order::Move(_))
+                        *follows = matches!(self.master.order(place), Wanted::Move(_))
                             && report.progress == Progress::Reached;
                     }
                 }
                 Action::Fell { place, why } if self.path.is_some() => {
                     return Err(format!("axis {place} fell: {why}"));
                 }
-                Action::Manager(manager::Action::Sdo(_, manager::Sdo::Done(Ok(_)))) if self.counts => {
-                    self.figures.transfers += 1;
+                Action::Manager(manager::Action::Sdo(_, manager::Sdo::Done(end))) => {
+                    self.figures.transfers += u64::from(end.is_ok());
+                    self.reads = self.reads.map(|_| self.now + PAUSE);
                 }
                 _ => {}
             }
@@ -259,7 +259,7 @@ impl Rig {
         let offset = STEP * if *step < PATH { *step } else { 2 * PATH - *step };
         for (place, (_, base)) in self.axes.iter().enumerate() {
             let target = base.wrapping_add(offset);
-            self.master.set(self.now, place, Order::Move(Motion::Interpolate(target)));
+            self.master.set(self.now, place, Wanted::Move(Motion::Interpolate(target)));
         }
     }
 
@@ -319,6 +319,67 @@ impl Rig {
         self.figures.missed += u64::from(self.cycle.iter().any(|cycle| *cycle != WHOLE));
         self.figures.busy = self.figures.busy.max(self.last.since(sync));
         self.cycle.fill(Cycle::default());
+    }
+}
+
+/// Buses that have nothing in common but the time, at once.
+pub struct Buses(Vec<Rig>);
+
+impl Buses {
+    /// These buses, as soon as all drives follow their paths.
+    ///
+    /// # Errors
+    /// One that does not.
+    pub fn start(buses: Vec<Rig>) -> Result<Self, String> {
+        let mut buses = Self(buses);
+        let end = buses.now() + START;
+        // Each of them is told, whatever the others are at.
+        while buses.0.iter_mut().filter_map(|bus| (!bus.follows()).then_some(())).count() > 0 {
+            if buses.now() >= end {
+                return Err("a drive does not follow".into());
+            }
+            buses.run(buses.now() + PERIOD)?;
+        }
+        buses.0.iter_mut().for_each(|bus| bus.path = Some(0));
+        buses.run(buses.now() + PERIOD * 100)?;
+        Ok(buses)
+    }
+
+    /// Measures for a time: whole periods, from a moment at which nothing is under way.
+    ///
+    /// # Errors
+    /// A drive that falls.
+    pub fn measure(mut self, time: Duration) -> Result<Vec<Figures>, String> {
+        let syncs: Vec<_> = self.0.iter().map(|bus| bus.master.manager().sync_at()).collect();
+        let sync = syncs.first().copied().flatten().ok_or("there is no SYNC")?;
+        if syncs.iter().any(|other| *other != Some(sync)) {
+            return Err("the buses have no SYNC at the same time".into());
+        }
+        self.run(sync.before())?;
+        self.0.iter_mut().for_each(Rig::begin);
+        // What the client has asked for is answered by then.
+        self.run(sync + time.saturating_sub(PERIOD * 5))?;
+        self.0.iter_mut().for_each(|bus| bus.reads = None);
+        self.run((sync + time).before())?;
+        Ok(self.0.iter_mut().map(Rig::end).collect())
+    }
+
+    fn now(&self) -> Instant {
+        self.0.first().map_or(Instant::ZERO, |bus| bus.now)
+    }
+
+    /// Lets time pass, for all of them.
+    fn run(&mut self, end: Instant) -> Result<(), String> {
+        self.0.iter_mut().try_for_each(Rig::act)?;
+        while self.now() < end {
+            let next = self.0.iter().filter_map(Rig::poll_at).min();
+            let now = next.unwrap_or(end).max(self.now()).min(end);
+            for bus in &mut self.0 {
+                bus.advance(now);
+                bus.act()?;
+            }
+        }
+        Ok(())
     }
 }
 
