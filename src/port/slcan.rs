@@ -109,6 +109,10 @@ impl<const EVENTS: usize> State<EVENTS> {
                 }
                 self.enter(CanState::Down);
             }
+            Event::Off => {
+                self.counters.bus_offs = self.counters.bus_offs.saturating_add(1);
+                self.enter(CanState::Off);
+            }
             // Whoever waits for it is woken by any step.
             Event::Room => {}
             Event::Flags(flags) => {

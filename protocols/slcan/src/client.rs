@@ -7,7 +7,7 @@ use puente_line::{Duration, Instant};
 use crate::command::Command;
 use crate::lines::{Lines, Text};
 use crate::rate::Rate;
-use crate::reply::{Flags, Reply};
+use crate::reply::{BusState, Flags, Reply};
 
 /// Frames that an adapter may have without having said that it took them.
 pub const WINDOW: usize = 8;
@@ -23,7 +23,7 @@ const FLAGS: Duration = Duration::from_millis(500);
 const FULL: Duration = Duration::from_millis(5);
 /// It may have no room so often, one time after the other, before it is opened anew: 1 s.
 const ATTEMPTS: u16 = 200;
-/// How long after an opening that failed the next one begins.
+/// How long after an opening that failed, or after bus-off, the next one begins.
 const REST: Duration = Duration::from_millis(1000);
 
 /// What is wanted of an adapter.
@@ -63,6 +63,9 @@ pub enum Event {
     Closed,
     /// What the adapter said of its bus.
     Flags(Flags),
+    /// Its controller is off the bus. The channel is closed, so that nothing old goes out when it is back, and opened again
+    /// after a rest.
+    Off,
     /// There is room for a frame after one was not taken.
     Room,
 }
@@ -107,6 +110,8 @@ enum State {
     /// It has been said, and is waited for until then.
     Waiting(Step, Instant),
     Open,
+    /// It is to be closed, and opened after a rest.
+    Leaving,
     /// The next opening begins then.
     Resting(Instant),
 }
@@ -242,7 +247,10 @@ impl Client {
     pub fn receive(&mut self, now: Instant, byte: u8) -> Option<Event> {
         let (end, line) = self.lines.push(byte)?;
         let reply = line.and_then(|line| Reply::parse(end, line).ok());
-        if matches!(self.state, State::Off | State::Resting(_) | State::Waiting(Step::Clear, _)) {
+        if matches!(
+            self.state,
+            State::Off | State::Leaving | State::Resting(_) | State::Waiting(Step::Clear, _)
+        ) {
             return None;
         }
         match (reply, self.state) {
@@ -260,9 +268,24 @@ impl Client {
                 }
                 Some(Event::Heard(frame))
             }
+            (Some(Reply::State { state, .. }), State::Open) => Some(self.enter(state)),
+            (Some(Reply::State { .. }), _) => None,
             (Some(reply), State::Waiting(step, _)) => self.answered(now, step, reply),
             (Some(reply), State::Open) if self.answers => self.settle(now, reply),
             _ => None,
+        }
+    }
+
+    /// The controller has come to a state.
+    fn enter(&mut self, state: BusState) -> Event {
+        match state {
+            BusState::Active => Event::Flags(Flags(0)),
+            BusState::Warning => Event::Flags(Flags(Flags::WARNING)),
+            BusState::Passive => Event::Flags(Flags(Flags::WARNING | Flags::PASSIVE)),
+            BusState::Off => {
+                self.reset(State::Leaving);
+                Event::Off
+            }
         }
     }
 
@@ -364,6 +387,10 @@ impl Client {
                 })
             }
             State::Open => self.say(now),
+            State::Leaving => {
+                self.state = State::Resting(now + REST);
+                Action::Transmit(clear())
+            }
             State::Off | State::Waiting(..) | State::Resting(_) => Action::Idle,
         }
     }
@@ -405,7 +432,7 @@ impl Client {
     pub fn poll_at(&self) -> Option<Instant> {
         match self.state {
             State::Off => None,
-            State::Next(_) => Some(Instant::ZERO),
+            State::Next(_) | State::Leaving => Some(Instant::ZERO),
             State::Waiting(_, until) | State::Resting(until) => Some(until),
             State::Open => {
                 let frame = if !self.again.is_empty() {

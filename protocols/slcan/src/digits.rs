@@ -23,6 +23,21 @@ pub fn push(text: &mut Text, value: u32, digits: u32) {
     }
 }
 
+/// The value of decimal digits; `None` where there are other characters.
+pub fn decimal(digits: &[u8]) -> Option<u16> {
+    digits.iter().try_fold(0_u16, |value, digit| {
+        value.checked_mul(10)?.checked_add(char::from(*digit).to_digit(10)? as u16)
+    })
+}
+
+/// Writes three decimal digits of a value, 999 at most.
+pub fn push_decimal(text: &mut Text, value: u16) {
+    let value = value.min(999);
+    for place in [100, 10, 1] {
+        let _ = text.push(b'0' + (value / place % 10) as u8);
+    }
+}
+
 /// A frame by its line, and what follows it there. A data length code of 9 to F counts as 8 (ISO 11898-1).
 pub fn frame(line: &[u8]) -> Option<(Frame, &[u8])> {
     let (kind, rest) = line.split_first()?;

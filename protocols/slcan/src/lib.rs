@@ -6,8 +6,8 @@
 //! - [`Command`]: what a client says to an adapter. [`Reply`]: what the adapter says.
 //! - [`Client`]: an adapter opened, fed and looked after, by the end that has no CAN itself.
 //!
-//! There is no standard. Sources: Lawicel's manuals of CAN232 and CANUSB as remembered, python-can's `slcan` and the
-//! README of MAC-CAN's SLCAN, which agree where nothing else is said. What adapters do differently is noted at each item.
+//! There is no standard. Sources: Lawicel's manuals of CAN232 and CANUSB as remembered, python-can's `slcan`, Linux' slcan
+//! driver and the README of MAC-CAN's SLCAN, which agree where nothing else is said. What adapters do differently is noted at each item.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(missing_docs)]
@@ -23,4 +23,4 @@ pub use client::{Action, Busy, Client, Config, Counters, Event, Flow};
 pub use command::{BadCommand, Command};
 pub use lines::{End, Lines, MAX_LINE, Text};
 pub use rate::Rate;
-pub use reply::{BadReply, Flags, Reply};
+pub use reply::{BadReply, BusState, Flags, Reply};

@@ -35,6 +35,46 @@ pub enum Reply {
     },
     /// `Naaaa`: serial number, four letters or digits.
     Serial([u8; 4]),
+    /// `sb000256`: the controller has come to this state. Unasked, by adapters that follow Linux' slcan driver
+    /// (`slcan_bump_state`); Lawicel's have flags alone, which do not tell that it is off.
+    State {
+        /// Which.
+        state: BusState,
+        /// Receive error counter, to 999.
+        rx_errors: u16,
+        /// Transmit error counter, to 999.
+        tx_errors: u16,
+    },
+}
+
+/// How a controller takes part in the traffic (fault confinement of ISO 11898-1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusState {
+    /// Error-active.
+    Active,
+    /// An error counter has reached 96.
+    Warning,
+    /// Error-passive.
+    Passive,
+    /// Bus-off.
+    Off,
+}
+
+impl BusState {
+    fn of(letter: u8) -> Option<Self> {
+        [Self::Active, Self::Warning, Self::Passive, Self::Off]
+            .into_iter()
+            .find(|state| state.letter() == letter)
+    }
+
+    const fn letter(self) -> u8 {
+        match self {
+            Self::Active => b'a',
+            Self::Warning => b'w',
+            Self::Passive => b'p',
+            Self::Off => b'b',
+        }
+    }
 }
 
 /// A line that is no reply.
@@ -86,6 +126,11 @@ impl Reply {
                 let value = digits::value(rest)?;
                 Self::Version { hardware: (value >> 8) as u8, software: value as u8 }
             }
+            [b's', letter, ref counters @ ..] if counters.len() == 6 => {
+                let (rx_errors, tx_errors) = counters.split_at(3);
+                let [rx_errors, tx_errors] = [rx_errors, tx_errors].map(digits::decimal);
+                Self::State { state: BusState::of(letter)?, rx_errors: rx_errors?, tx_errors: tx_errors? }
+            }
             [b'N', a, b, c, d] => {
                 let serial = [a, b, c, d];
                 serial.iter().all(u8::is_ascii_alphanumeric).then_some(Self::Serial(serial))?
@@ -131,6 +176,11 @@ impl Reply {
                 let _ = text.push(b'N');
                 let letters = serial.map(|letter| if letter.is_ascii_alphanumeric() { letter } else { b'0' });
                 let _ = text.extend_from_slice(&letters);
+            }
+            Self::State { state, rx_errors, tx_errors } => {
+                let _ = text.extend_from_slice(&[b's', state.letter()]);
+                digits::push_decimal(&mut text, rx_errors);
+                digits::push_decimal(&mut text, tx_errors);
             }
         }
         let _ = text.push(b'\r');

@@ -2,7 +2,7 @@
 
 use puente_canopen::{Frame, Id};
 use puente_line::{Duration, Instant};
-use puente_slcan::{Action, Busy, Client, Command, Config, Event, Flags, Flow, Rate, Reply};
+use puente_slcan::{Action, BusState, Busy, Client, Command, Config, Event, Flags, Flow, Rate, Reply};
 
 /// A client, and the time of the test.
 struct Rig {
@@ -206,6 +206,27 @@ fn flags_are_asked_for_now_and_then() {
     assert!(rig.client.is_open());
 }
 
+/// The channel is closed at once: what the adapter has not sent yet, it must not send when its bus is back.
+#[test]
+fn a_controller_off_the_bus_is_closed_and_opened_after_a_rest() {
+    for mut rig in [Rig::answered(), Rig::silent()] {
+        rig.hear("sp000128\r");
+        assert_eq!(rig.take(), [Event::Flags(Flags(Flags::WARNING | Flags::PASSIVE))]);
+        rig.client.submit(rig.now, &frame(1)).expect("room");
+        rig.hear("sb000256\r");
+        assert_eq!(rig.take(), [Event::Off]);
+        assert_eq!(rig.client.submit(rig.now, &frame(1)), Err(Busy::Closed));
+        assert_eq!(rig.run(), ["\r\r\rC\r"]);
+        rig.hear("\rsa000000\r");
+        rig.wait(999);
+        assert_eq!(rig.run(), Vec::<String>::new());
+        rig.wait(1);
+        assert_eq!(rig.run(), ["\r\r\rC\r"]);
+        rig.wait(100 + 250 + 250);
+        assert!(matches!(rig.take()[..], [Event::Opened(_)]));
+    }
+}
+
 /// An adapter that has started anew, for whatever reason, has its channel closed.
 #[test]
 fn refused_flags_are_a_closed_channel() {
@@ -342,9 +363,11 @@ proptest::proptest! {
         let mut rig = Rig::new();
         rig.client.connected();
         for (kind, bytes, millis) in steps {
-            let bells = [Reply::Refused, Reply::Done, Reply::Taken { extended: false }, Reply::Flags(Flags(0x24))];
+            let off = Reply::State { state: BusState::Off, rx_errors: 0, tx_errors: 256 };
+            let bells =
+                [Reply::Refused, Reply::Done, Reply::Taken { extended: false }, Reply::Flags(Flags(0x24)), off];
             for byte in bytes {
-                let reply = bells[usize::from(byte) % 4].emit();
+                let reply = bells[usize::from(byte) % 5].emit();
                 let said = if kind == 0 { vec![byte] } else { reply.to_vec() };
                 for byte in said {
                     rig.events.extend(rig.client.receive(rig.now, byte));

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use puente_canopen::{Frame, Id};
-use puente_slcan::{BadCommand, BadReply, Command, End, Flags, Lines, MAX_LINE, Rate, Reply};
+use puente_slcan::{BadCommand, BadReply, BusState, Command, End, Flags, Lines, MAX_LINE, Rate, Reply};
 
 fn base(id: u16, data: &[u8]) -> Frame {
     Frame::new(Id::base(id), data).expect("a frame")
@@ -67,6 +67,9 @@ fn replies_have_their_letters() {
         (b"F84\r", Reply::Flags(Flags(0x84))),
         (b"V1013\r", Reply::Version { hardware: 0x10, software: 0x13 }),
         (b"NA123\r", Reply::Serial(*b"A123")),
+        // Linux' slcan driver has these two.
+        (b"sb256256\r", Reply::State { state: BusState::Off, rx_errors: 256, tx_errors: 256 }),
+        (b"sa057033\r", Reply::State { state: BusState::Active, rx_errors: 57, tx_errors: 33 }),
     ] {
         assert_eq!(reply.emit(), text);
         assert_eq!(Reply::parse(End::Return, &text[..text.len() - 1]), Ok(reply));
@@ -104,7 +107,9 @@ fn what_is_none_is_refused() {
         assert_eq!(Command::parse(line), Err(BadCommand), "{:?}", core::str::from_utf8(line));
     }
     // CANable's answer to V; a serial number that is too long.
-    for line in [&b"V1.0-g0123abc"[..], b"N12345", b"F8", b"F8G", b"zz", b"?"] {
+    for line in
+        [&b"V1.0-g0123abc"[..], b"N12345", b"F8", b"F8G", b"zz", b"?", b"sb25625", b"sc000000", b"sa0F0000"]
+    {
         assert_eq!(Reply::parse(End::Return, line), Err(BadReply), "{:?}", core::str::from_utf8(line));
     }
 }
@@ -150,6 +155,10 @@ fn replies() -> impl Strategy<Value = Reply> {
         any::<[u8; 2]>().prop_map(|[hardware, software]| Reply::Version { hardware, software }),
         "[0-9A-Za-z]{4}".prop_map(|text| Reply::Serial(text.into_bytes().try_into().expect("four"))),
         any::<bool>().prop_map(|extended| Reply::Taken { extended }),
+        (0..4_usize, 0..1_000_u16, 0..1_000_u16).prop_map(|(state, rx_errors, tx_errors)| {
+            let states = [BusState::Active, BusState::Warning, BusState::Passive, BusState::Off];
+            Reply::State { state: states[state], rx_errors, tx_errors }
+        }),
         Just(Reply::Done),
         Just(Reply::Refused),
     ]
