@@ -86,6 +86,7 @@ pub struct Cell {
     nodes: Vec<Node>,
     log: VecDeque<Event>,
     now: Instant,
+    errors: f64,
 }
 
 impl Cell {
@@ -101,7 +102,14 @@ impl Cell {
             bus.join(Order::Identifier);
         }
         let nodes = config.drives.iter().map(Node::new).collect();
-        Self { bus, ports: config.ports, nodes, log: VecDeque::new(), now: Instant::ZERO }
+        Self {
+            bus,
+            ports: config.ports,
+            nodes,
+            log: VecDeque::new(),
+            now: Instant::ZERO,
+            errors: config.errors,
+        }
     }
 
     /// The station at a port wants to send a frame, after those that it already wants to.
@@ -172,15 +180,20 @@ impl Cell {
         &self.nodes
     }
 
-    /// Lets something go wrong from now on with the first node with a node-ID, or mends it; false where there is none.
+    /// Lets something go wrong from now on with the first node with a node-ID, or mends it; false where there is none. What
+    /// is of the bus itself is of node 0.
     pub fn suffer(&mut self, now: Instant, id: u8, fault: Fault) -> bool {
         self.run(now);
+        if let Fault::Short(short) = fault {
+            self.bus.set_errors(if short { 1.0 } else { self.errors });
+            return id == 0;
+        }
         let found = self.nodes.iter().position(|node| node.id().map(NodeId::value) == Some(id));
         let Some(at) = found else { return false };
         let seat = self.ports + at;
         match fault {
             Fault::Die => self.bus.set_present(seat, false),
-            Fault::Reset => self.bus.set_present(seat, true),
+            Fault::Reset | Fault::Id(_) => self.bus.set_present(seat, true),
             Fault::BusOff => self.bus.switch_off(seat),
             Fault::Babble(frame, time) => self.bus.babble(seat, frame, self.now + time),
             _ => {}

@@ -394,6 +394,13 @@ fn nodes_go_wrong() {
     let dead = bench.transfer(2, Transfer::Upload { address: Address::new(0x1000, 0), block: false }, &[]);
     assert!(matches!(dead.0, Err(puente_canopen::sdo::Failure::Timeout { .. })));
     assert_eq!(beats(&mut bench).1, 10);
+    suffer(&mut bench, Fault::SdoDead(false));
+    bench.read(2, 0x1000, 0).unwrap();
+    suffer(&mut bench, Fault::SdoDies(2));
+    bench.read(2, 0x1000, 0).unwrap();
+    bench.read(2, 0x1000, 0).unwrap();
+    let dead = bench.transfer(2, Transfer::Upload { address: Address::new(0x1000, 0), block: false }, &[]);
+    assert!(matches!(dead.0, Err(puente_canopen::sdo::Failure::Timeout { .. })));
     // Lower than all heartbeats: nobody gets through meanwhile.
     let noise = Frame::new(Id::base(0x001), &[]).unwrap();
     bench.take(0x703);
@@ -403,6 +410,27 @@ fn nodes_go_wrong() {
     bench.run(50);
     assert!(bench.take(0x703).len() > 5, "what has waited, and what is due");
     assert!(!bench.cell.suffer(Instant::ZERO, 9, Fault::Die), "there is no node 9");
+}
+
+#[test]
+fn a_node_with_other_switches_and_a_short_circuit() {
+    let mut bench = Bench::new([lexium(2), node(3)]);
+    bench.run(10);
+    bench.take(0x702);
+    let id = NodeId::new(2).expect("a node-ID");
+    assert!(bench.cell.suffer(bench.now, 3, Fault::Id(id)));
+    bench.run(5);
+    assert_eq!(bench.take(0x702), [[0]]);
+    assert_eq!(bench.cell.nodes().iter().filter(|node| node.id() == Some(id)).count(), 2);
+    assert!(!bench.cell.suffer(bench.now, 3, Fault::Die), "there is no node 3 any more");
+    assert!(bench.cell.suffer(bench.now, 0, Fault::Short(true)));
+    bench.say(0x080, &[]);
+    bench.run(10);
+    let offs = bench.cell.counters(0).bus_offs();
+    assert!(offs > 0);
+    assert!(bench.cell.suffer(bench.now, 0, Fault::Short(false)));
+    bench.run(10);
+    assert_eq!((bench.cell.pending(0), bench.cell.counters(0).bus_offs()), (0, offs), "it came through");
 }
 
 /// Two nodes of the same number: what both say alike is heard once, what differs destroys both until they are off the bus.

@@ -127,7 +127,8 @@ impl Node {
     pub(super) fn suffer(&mut self, now: Instant, fault: Fault) {
         match fault {
             Fault::Mute(mute) => self.mute = mute,
-            Fault::SdoDead(dead) => self.server.dead = dead,
+            Fault::SdoDead(dead) => self.server.says = if dead { Some(0) } else { None },
+            Fault::SdoDies(after) => self.server.says = Some(after),
             Fault::Slow(delay) => self.server.delay = delay,
             Fault::WrongToggle => self.guard.stuck = true,
             Fault::Identity(product) => {
@@ -140,13 +141,17 @@ impl Node {
                 }
             }
             Fault::Reset => self.power_on(now),
+            Fault::Id(id) => {
+                self.stored_id = Some(id);
+                self.power_on(now);
+            }
             Fault::Drive(fault) => {
                 if let Some(drive) = &mut self.drive {
                     drive.suffer(now, fault, &mut self.objects, &mut self.errors);
                 }
             }
             // Of its place on the bus.
-            Fault::Die | Fault::BusOff | Fault::Babble(..) => {}
+            Fault::Die | Fault::BusOff | Fault::Babble(..) | Fault::Short(_) => {}
         }
         self.pdos.look(&self.objects);
     }

@@ -13,8 +13,8 @@ use super::{Objects, write};
 /// The server with what may be wrong with it.
 pub struct Server {
     server: Option<sdo::Server>,
-    /// It hears nothing.
-    pub dead: bool,
+    /// It says so many messages more, and hears nothing after that; any number where it is well.
+    pub says: Option<u32>,
     /// It hears each message so much later.
     pub delay: Duration,
     coming: VecDeque<(Instant, Frame)>,
@@ -27,7 +27,7 @@ impl Server {
     pub fn new(node: Option<NodeId>) -> Self {
         Self {
             server: node.map(sdo::Server::new),
-            dead: false,
+            says: None,
             delay: Duration::ZERO,
             coming: VecDeque::new(),
             reading: Vec::new(),
@@ -37,11 +37,15 @@ impl Server {
 
     /// Nothing is under way any more.
     pub fn reset(&mut self, node: Option<NodeId>) {
-        *self = Self { dead: self.dead, delay: self.delay, ..Self::new(node) };
+        *self = Self { says: self.says, delay: self.delay, ..Self::new(node) };
+    }
+
+    fn is_dead(&self) -> bool {
+        self.says == Some(0)
     }
 
     pub fn receive(&mut self, now: Instant, frame: &Frame, access: &mut Access<'_>) {
-        if !self.dead {
+        if !self.is_dead() {
             self.coming.push_back((now + self.delay, *frame));
             self.catch_up(now, access);
         }
@@ -57,17 +61,21 @@ impl Server {
     }
 
     pub fn poll(&mut self, now: Instant, idle: bool, access: &mut Access<'_>) -> Option<Frame> {
-        if self.dead {
+        if self.is_dead() {
             return None;
         }
         self.catch_up(now, access);
         let server = self.server.as_mut().filter(|server| idle || !server.is_streaming())?;
         let mut transfer = Transfer { reading: &mut self.reading, writing: &mut self.writing, access };
-        server.poll(now, &mut transfer)
+        let said = server.poll(now, &mut transfer)?;
+        if let Some(left) = &mut self.says {
+            *left = left.saturating_sub(1);
+        }
+        Some(said)
     }
 
     pub fn poll_at(&self, idle: bool) -> Option<Instant> {
-        if self.dead {
+        if self.is_dead() {
             return None;
         }
         let server = self.server.as_ref().filter(|server| idle || !server.is_streaming());

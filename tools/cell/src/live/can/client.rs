@@ -12,7 +12,7 @@ use super::slcan::Slcan;
 use super::socketcand::Socketcand;
 use super::{AHEAD, Speech};
 use crate::can::Cell;
-use crate::can::bus::Heard;
+use crate::can::bus::{Counters, Heard};
 
 /// Bytes that a client may be behind; who reads less is let go.
 const BEHIND: usize = 1 << 20;
@@ -91,6 +91,13 @@ impl Client {
         match &mut self.tongue {
             Tongue::Slcan(slcan) => slcan.tell(heard, &mut self.outbox),
             Tongue::Socketcand(server) => server.tell(heard, &mut self.outbox),
+        }
+    }
+
+    /// Its controller is like this.
+    pub fn look(&mut self, counters: Counters) {
+        if let Tongue::Slcan(slcan) = &mut self.tongue {
+            slcan.look(counters, &mut self.outbox);
         }
     }
 

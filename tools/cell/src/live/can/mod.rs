@@ -14,6 +14,7 @@ use std::time::Duration;
 pub use capture::Capture;
 use client::{Client, Stream};
 use puente_line::Instant;
+pub use slcan::{flags, states};
 
 use super::terminal::Pty;
 use super::wait;
@@ -136,6 +137,7 @@ impl Hub {
             while let Some(heard) = cell.hear(now, port) {
                 open.tell(&heard);
             }
+            open.look(cell.counters(port));
             if !open.flush() {
                 *client = None;
                 cell.bus().set_present(port, false);

@@ -2,11 +2,11 @@
 
 use puente_canopen::{Frame, Id};
 use puente_line::{Instant, millis};
-use puente_slcan::{Command, End, Flags, Lines, Reply};
+use puente_slcan::{BusState, Command, End, Flags, Lines, Reply};
 
 use super::AHEAD;
 use crate::can::Cell;
-use crate::can::bus::{Heard, State};
+use crate::can::bus::{Counters, Heard, State};
 
 /// An adapter. The bit rate that it is told does not matter: the bus has its own.
 #[derive(Default)]
@@ -15,6 +15,8 @@ pub struct Slcan {
     open: bool,
     silent: bool,
     stamps: bool,
+    /// What its client knows of the controller.
+    told: Counters,
 }
 
 /// Milliseconds of a time stamp begin anew after a minute.
@@ -50,7 +52,7 @@ impl Slcan {
                 Reply::Done
             }
             Command::Send(frame) => self.send(frame, cell, port, now),
-            Command::Flags => Reply::Flags(flags(cell, port)),
+            Command::Flags => Reply::Flags(flags(cell.counters(port))),
             Command::Version => Reply::Version { hardware: 10, software: 13 },
             Command::Serial => Reply::Serial(*b"SIM1"),
             Command::Stamps(on) => {
@@ -71,6 +73,14 @@ impl Slcan {
         Reply::Taken { extended: matches!(frame.id(), Id::Extended(_)) }
     }
 
+    /// Tells how the controller is, where that has changed.
+    pub fn look(&mut self, now: Counters, outbox: &mut Vec<u8>) {
+        let told = states(std::mem::replace(&mut self.told, now), now);
+        if self.open {
+            outbox.extend(told.iter().flat_map(Reply::emit));
+        }
+    }
+
     /// A frame has been on the bus.
     pub fn tell(&mut self, heard: &Heard, outbox: &mut Vec<u8>) {
         if self.open {
@@ -81,8 +91,31 @@ impl Slcan {
     }
 }
 
-fn flags(cell: &Cell, port: usize) -> Flags {
-    Flags(match cell.counters(port).state() {
+/// What an adapter tells of its controller, whose counters were others `before`: the bus-off that is over already, too.
+pub fn states(before: Counters, now: Counters) -> Vec<Reply> {
+    let reply = |state, counters: Counters| {
+        let (rx_errors, tx_errors) = (counters.receive(), counters.transmit());
+        let state = match state {
+            State::Active => BusState::Active,
+            State::Warning => BusState::Warning,
+            State::Passive => BusState::Passive,
+            State::Off => BusState::Off,
+        };
+        Reply::State { state, rx_errors, tx_errors }
+    };
+    let missed = now.bus_offs() != before.bus_offs() && now.state() != State::Off;
+    let known = if missed { State::Off } else { before.state() };
+    let changed = known != now.state();
+    missed
+        .then(|| reply(State::Off, now))
+        .into_iter()
+        .chain(changed.then(|| reply(now.state(), now)))
+        .collect()
+}
+
+/// Its status flags, as Lawicel's adapters have them: one that is off cannot be told from one that is warned.
+pub fn flags(counters: Counters) -> Flags {
+    Flags(match counters.state() {
         State::Active => 0,
         State::Warning | State::Off => Flags::WARNING,
         State::Passive => Flags::WARNING | Flags::PASSIVE,

@@ -113,9 +113,10 @@ pub fn fault(text: &str) -> Result<(Duration, u8, Fault), String> {
         None => (text, Duration::ZERO),
     };
     let (node, fault) = text.split_once(':').ok_or_else(bad)?;
-    let node = values::in_range(1, 127)(node)?;
+    let node = values::in_range(0, 127)(node)?;
     let fault: Fault = fault.parse().map_err(|error| format!("{error}; see cell --help"))?;
     match fault {
+        fault if (node == 0) != matches!(fault, Fault::Short(_)) => Err(bad()),
         Fault::Babble(frame, _) if frame.id().raw() > MAX_BASE.into() => Err(bad()),
         fault => Ok((at, node, fault)),
     }
@@ -160,7 +161,20 @@ mod tests {
             fault("3:slow:20@250ms"),
             Ok((Duration::from_millis(250), 3, Fault::Slow(Duration::from_millis(20))))
         );
-        for bad in ["mute", "0:mute", "2:mut", "2:mute@5", "2:mute@x s", "2:slow", "2:mute:1", "128:die"] {
+        assert_eq!(fault("0:short"), Ok((Duration::ZERO, 0, Fault::Short(true))));
+        for bad in [
+            "mute",
+            "0:mute",
+            "2:short",
+            "2:id:0",
+            "2:id:300",
+            "2:mut",
+            "2:mute@5",
+            "2:mute@x s",
+            "2:slow",
+            "2:mute:1",
+            "128:die",
+        ] {
             assert!(fault(bad).is_err(), "{bad}");
         }
     }
