@@ -125,6 +125,13 @@ impl Servo<'_> {
         self.desk.view(clock::now(), self.axis)
     }
 
+    /// Whether orders reach it, or why not. To be asked before the lease: what does not hear is being stopped, too, and that is
+    /// not the cause.
+    pub(super) fn reached(&self) -> Result<(), AxisError> {
+        let (_, report) = self.status()?.servo().ok_or(AxisError::Node(Node::Absent))?;
+        if report.node == Node::Present { Ok(()) } else { Err(AxisError::Node(report.node)) }
+    }
+
     /// Waits for one of these, no longer than it may take.
     async fn confirm(&self, awaited: Awaited) -> Result<(), AxisError> {
         if self.desk.line_down(self.bus) {
@@ -268,9 +275,11 @@ impl Axes {
     ) -> Result<(), AxisError> {
         let axis = self.get(id)?;
         let AnyDrive::Cia402(drive) = &axis.drive else { return Err(AxisError::Unsupported(lacks)) };
+        let servo = self.servo(id, axis.bus, drive);
+        servo.reached()?;
         let permit = self.desk.lease(clock::now(), id, by.holder, hold)?;
         let _turn = axis.turn.lock().await;
-        self.servo(id, axis.bus, drive).go(permit, motion(drive.serial())).await
+        servo.go(permit, motion(drive.serial())).await
     }
 
     /// Sends the axis home, by the drive's own method or by this one. It takes its time, in which its commander shows life;
@@ -415,6 +424,7 @@ pub const fn node(node: &Node) -> &'static str {
         Node::Booting => "booting",
         Node::Present => "present",
         Node::Lost => "lost",
+        Node::Duplicate => "duplicate",
         Node::Refused(_) | Node::Unfit(_) | Node::Period { .. } | Node::Unread { .. } => "refused",
     }
 }

@@ -70,6 +70,7 @@ impl AxisError {
             AxisError::Node(Node::Absent) => "absent",
             AxisError::Node(Node::Booting | Node::Present) => "booting",
             AxisError::Node(Node::Lost) => "lost",
+            AxisError::Node(Node::Duplicate) => "duplicate",
             AxisError::Node(_) => "node-refused",
             AxisError::DriveFault(_) => "fault",
             AxisError::Group => "busy",

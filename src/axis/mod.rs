@@ -313,7 +313,8 @@ impl Axes {
                 return Err(AxisError::Unsupported("a PID module takes a position alone"));
             }
             Drive::Pid(_) => pid::in_range(position)?,
-            Drive::Cia402(_) => {}
+            Drive::Cia402(_) if renew => {}
+            Drive::Cia402(drive) => self.servo(id, axis.bus, drive).reached()?,
         }
         let now = clock::now();
         let permit = match renew {

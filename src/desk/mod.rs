@@ -97,7 +97,9 @@ impl fmt::Display for Reason {
                 )
             }
             Reason::Stopped => f.write_str("a stop or the end of the lease came first"),
-            Reason::LineDown => f.write_str("the port of the bus failed"),
+            Reason::LineDown => {
+                f.write_str("the port of the bus failed; see to its adapter, cable and termination")
+            }
             // Without an echo an answer looks like a collision.
             Reason::Line(failure @ (LineFailure::NoEcho | LineFailure::Collisions { .. })) => {
                 write!(

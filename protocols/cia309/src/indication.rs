@@ -80,6 +80,8 @@ pub enum What<'d> {
     Error(Option<NodeId>, Error),
     /// `1 5 STATE operational`, ours.
     State(NodeId, nmt::State),
+    /// `1 5 DUPLICATE`: two nodes have this node-ID, ours.
+    Duplicate(NodeId),
     /// `1 2 PDO 1 37 06`, ours: the number of the transmit PDO, and its bytes. lely's `1 pdo` has mapped values, for it knows
     /// them from a configuration.
     Pdo(NodeId, u8, &'d [u8]),
@@ -94,7 +96,7 @@ impl What<'_> {
             Self::BootUp(_) => Kinds::BOOT_UP,
             Self::Emergency(..) => Kinds::EMCY,
             Self::Error(None, _) => Kinds::BUS,
-            Self::Error(Some(_), _) | Self::State(..) => Kinds::HEARTBEAT,
+            Self::Error(Some(_), _) | Self::State(..) | Self::Duplicate(_) => Kinds::HEARTBEAT,
             Self::Pdo(..) => Kinds::PDO,
             Self::Sync(_) => Kinds::SYNC,
         }
@@ -120,6 +122,7 @@ impl fmt::Display for What<'_> {
                 write!(f, "{} ERROR {} #{}", node.map_or(0, NodeId::value), error.code(), error.text())
             }
             Self::State(node, state) => write!(f, "{node} STATE {state}"),
+            Self::Duplicate(node) => write!(f, "{node} DUPLICATE"),
             Self::Pdo(node, number, data) => {
                 write!(f, "{node} PDO {number}")?;
                 data.iter().try_for_each(|byte| write!(f, " {byte:02X}"))

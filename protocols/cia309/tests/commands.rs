@@ -216,6 +216,7 @@ fn indications_have_lelys_form() {
     assert_eq!(line(What::Error(None, Error::BusOff)), "1 0 ERROR 301 #Bus off.\r\n");
     assert_eq!(line(What::Pdo(node(2), 1, &[0x37, 6])), "1 2 PDO 1 37 06\r\n");
     assert_eq!(line(What::Sync(Some(3))), "1 SYNC 3\r\n");
+    assert_eq!(line(What::Duplicate(node(5))), "1 5 DUPLICATE\r\n");
     assert_eq!(line(What::State(node(5), nmt::State::Operational)), "1 5 STATE operational\r\n");
     assert!([What::BootUp(node(5)), lost, What::Sync(None)].iter().all(|what| Kinds::ALL.has(what.kind())));
 }

@@ -414,7 +414,8 @@ impl Drive {
                 self.resumed(now);
                 self.network(state);
             }
-            Event::Monitor(Sign::Toggle) | Event::DuplicateId(_) => {}
+            Event::DuplicateId(_) => self.duplicate(),
+            Event::Monitor(Sign::Toggle) => {}
             Event::Emergency(emergency) => {
                 self.emergency((emergency.code != 0).then_some(emergency.code));
             }

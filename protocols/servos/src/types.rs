@@ -157,6 +157,8 @@ pub enum Node {
     Present,
     /// It shows no sign any more.
     Lost,
+    /// Two nodes have its node-ID, until it boots: either would obey, and nobody knows which one reports.
+    Duplicate,
     /// It is another node than it is to be, or could not be configured.
     Refused(Verdict),
     /// It is no such drive.
@@ -184,6 +186,9 @@ impl fmt::Display for Node {
             Self::Booting => f.write_str("booting"),
             Self::Present => f.write_str("present"),
             Self::Lost => f.write_str("lost"),
+            Self::Duplicate => f.write_str(
+                "duplicate: two nodes have its node-ID; give one of them another, then reset the node",
+            ),
             Self::Refused(verdict) => write!(f, "refused: {verdict}"),
             Self::Unfit(complaint) => write!(f, "refused: {complaint}"),
             Self::Period { expected, received } => {

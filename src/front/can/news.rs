@@ -193,7 +193,8 @@ impl Followed<'_> {
                 monitor::Event::Toggle => (error(Error::GuardingLost), None),
             },
             Event::Missing => (error(Error::ConnectionLost), None),
-            Event::Booted | Event::Declined(..) | Event::NotBooted(_) | Event::DuplicateId(_) => (None, None),
+            Event::DuplicateId(_) => (Some(What::Duplicate(node)), None),
+            Event::Booted | Event::Declined(..) | Event::NotBooted(_) => (None, None),
         };
         for what in first.into_iter().chain(second) {
             self.indicate(what, news);

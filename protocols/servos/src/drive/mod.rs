@@ -294,8 +294,11 @@ impl Drive {
         self.due = true;
     }
 
-    /// It is configured, and started.
+    /// It is configured, and started. One of two may be.
     pub fn booted(&mut self, now: Instant) {
+        if self.node == Node::Duplicate {
+            return;
+        }
         self.node = Node::Booting;
         self.nmt = None;
         self.examined = true;
@@ -316,8 +319,15 @@ impl Drive {
         self.gone(Node::Lost, Why::Lost);
     }
 
+    /// There are two of it, until it boots.
+    pub fn duplicate(&mut self) {
+        self.gone(Node::Duplicate, Why::NotPresent);
+    }
+
     fn gone(&mut self, node: Node, why: Why) {
-        self.node = node;
+        if self.node != Node::Duplicate {
+            self.node = node;
+        }
         self.examined = false;
         self.news = true;
         if self.order.wants_current() {

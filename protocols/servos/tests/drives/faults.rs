@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use puente_canopen::{Frame, Id};
 use puente_drives::cia402::{Profile, State};
 use puente_servos::{Motion, Node, Order, Progress, Why};
 
@@ -147,6 +148,36 @@ fn a_node_that_boots_knows_of_nothing() {
     rig.set(0, Order::Observe);
     rig.reach(0, RUN);
     assert_eq!(rig.devices[1].speed, 20);
+}
+
+/// Either would obey, and nobody knows which one reports.
+#[test]
+fn a_drive_whose_node_id_is_given_twice_is_stopped_and_not_commanded_until_it_boots() {
+    let mut rig = running(2);
+    rig.sent.clear();
+    let second = Frame::full(Id::Base(0x582), [0x43, 0, 0x10, 0, 1, 2, 3, 4]);
+    rig.master.receive(rig.now, &second);
+    rig.master.receive(rig.now, &second);
+    rig.run_ms(200);
+    assert_eq!(rig.fell, [(0, Why::NotPresent)]);
+    assert_eq!(rig.report(0).node, Node::Duplicate);
+    assert_eq!(rig.told(0x202), [[0x02, 0]], "both are told to stop");
+    // Lost and back is not one of them gone.
+    rig.devices[0].dead = true;
+    rig.run_ms(200);
+    rig.devices[0].dead = false;
+    rig.run_ms(2_000);
+    assert_eq!(rig.report(0).node, Node::Duplicate);
+    rig.set(0, Order::Off);
+    rig.set(0, RUN);
+    rig.run_ms(100);
+    assert_eq!(rig.devices[0].speed, 0);
+    rig.devices[0].boot();
+    rig.run_ms(1_000);
+    assert_eq!(rig.report(0).node, Node::Present);
+    assert_eq!(rig.devices[1].speed, 20);
+    rig.set(0, Order::Observe);
+    rig.reach(0, RUN);
 }
 
 /// A limit switch, a safe torque off, another master.
