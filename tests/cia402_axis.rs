@@ -6,31 +6,17 @@ use std::process::{Command, Stdio};
 use std::thread;
 
 use common::can::Adapter;
-use common::client::{Lines, connect, value};
+use common::client::{connect, value};
 use common::http::insist;
-use common::wire::Wire;
-use common::{Document, Gateway, ms, until};
+use common::servos::{AXES, Rig, drives};
+use common::{Document, ms, until};
 use puente_canopen::{Frame, Id};
-use puente_cell::can::{Cell, Config, DriveConfig, DriveFault, Fault, Model};
+use puente_cell::can::{Cell, DriveFault, Fault};
 use puente_drives::cia402::State;
-use puente_line::Instant;
 use serde_json::json;
 
-const AXES: [(&str, u8); 3] = [("u", 2), ("v", 3), ("w", 4)];
-
-/// Axes u, v and w, which are nodes 2 to 4.
-struct Rig {
-    adapter: Wire<Adapter<Cell>>,
-    gateway: Gateway,
-}
-
+/// What the gateway has told its drives.
 impl Rig {
-    fn new(lease_ms: u32) -> Self {
-        let rig = Self::start(lease_ms, "", |document| document);
-        rig.are_present(&AXES);
-        rig
-    }
-
     /// Axes that move by set-points with every SYNC.
     fn cyclic(lease_ms: u32) -> Self {
         // Whoever holds the machine up takes no drive for lost.
@@ -39,91 +25,15 @@ impl Rig {
                 document.node("can", *id, "heartbeat_ms = 4000")
             })
         };
-        let rig = Self::with(lease_ms, "sync_us = 10000", "cyclic = \"ip\"", patient);
+        let adapter = Adapter::wire(Cell::new(drives()));
+        let rig = Self::with(adapter, lease_ms, "sync_us = 10000", "cyclic = \"ip\"", patient);
         rig.are_present(&AXES);
         rig
-    }
-
-    fn start(lease_ms: u32, keys: &str, more: impl FnOnce(Document) -> Document) -> Self {
-        Self::with(lease_ms, keys, "", more)
-    }
-
-    fn with(lease_ms: u32, keys: &str, axis_keys: &str, more: impl FnOnce(Document) -> Document) -> Self {
-        let drive = |id| DriveConfig::new(id, Model::Lexium23a).expect("a drive");
-        let config = AXES.iter().fold(Config::new(1_000_000), |config, (_, id)| config.with(drive(*id)));
-        let adapter = Adapter::wire(Cell::new(config));
-        let document = Document::new().net(&format!("lease_ms = {lease_ms}")).canopen(
-            "can",
-            &adapter,
-            &format!("bitrate = 1000000\n{keys}"),
-        );
-        let document = AXES
-            .iter()
-            .fold(document, |document, (name, id)| document.servo(name, "can", *id).axis_keys(axis_keys));
-        let gateway = more(document).start();
-        Self { adapter, gateway }
-    }
-
-    fn are_present(&self, axes: &[(&str, u8)]) {
-        let mut client = self.client();
-        for (axis, _) in axes {
-            self.becomes(&mut client, axis, "node", "present");
-        }
-    }
-
-    fn client(&self) -> Lines {
-        Lines::connect(self.gateway.main)
     }
 
     /// What HTTP tells of the group.
     fn group(&self) -> serde_json::Value {
         insist(self.gateway.main, "GET /api/group", "").json()
-    }
-
-    /// A client that turns all three axes.
-    fn turning(&self) -> Lines {
-        let mut commander = self.client();
-        for (axis, _) in AXES {
-            commander.ok(&format!("axis {axis} enable"));
-        }
-        for (axis, _) in AXES {
-            commander.ok(&format!("axis {axis} velocity 500"));
-        }
-        for (_, id) in AXES {
-            until("it turns", || {
-                commander.ok("feed");
-                self.velocity(id) > 100.0
-            });
-        }
-        commander
-    }
-
-    /// The status of an axis comes to say this. Asking for it shows life.
-    fn becomes(&self, client: &mut Lines, axis: &str, key: &str, what: &str) {
-        until(what, || value(&client.ask(&format!("axis {axis} status")), key) == Some(what));
-    }
-
-    fn velocity(&self, id: u8) -> f64 {
-        self.adapter.device().bus.node(id).and_then(|node| node.drive()).expect("a drive").velocity()
-    }
-
-    fn state(&self, id: u8) -> State {
-        self.adapter.device().bus.node(id).and_then(|node| node.drive()).expect("a drive").state()
-    }
-
-    fn suffer(&self, id: u8, fault: Fault) {
-        // At once: the past is over.
-        assert!(self.adapter.device().bus.suffer(Instant::ZERO, id, fault), "a node");
-    }
-
-    /// The axes turn on, under the lease of this client.
-    fn go_on(&self, commander: &mut Lines, axes: &[(&str, u8)]) {
-        for (axis, id) in axes {
-            let status = commander.ok(&format!("axis {axis} status"));
-            assert_eq!(value(&status, "event"), Some("none"), "{status}");
-            assert_eq!(value(&status, "state"), Some("operation-enabled"), "{status}");
-            assert!(self.velocity(*id) > 100.0, "{axis}");
-        }
     }
 
     /// Frames of the gateway so far.
@@ -176,12 +86,10 @@ impl Rig {
 fn an_axis_is_enabled_homed_moved_and_turned() {
     let rig = Rig::new(5_000);
     let mut client = rig.client();
-    let before =
-        rig.adapter.device().bus.node(2).and_then(|node| node.drive()).expect("a drive").machine_position();
+    let before = rig.machine_position(2);
     client.error("axis u move 1000", "not-enabled");
     assert!(client.ok("axis u enable").ends_with("enabled=1"));
-    let stands =
-        rig.adapter.device().bus.node(2).and_then(|node| node.drive()).expect("a drive").machine_position();
+    let stands = rig.machine_position(2);
     assert!((stands - before).abs() < 2.0, "it jumped from {before} to {stands}");
     client.ok("axis u home 35");
     rig.becomes(&mut client, "u", "homed", "1");

@@ -7,11 +7,14 @@ mod common;
 use std::thread;
 use std::time::{Duration, Instant};
 
+use common::can::Adapter;
 use common::client::{Lines, Modbus, write_pdu};
 use common::framed::{Packets, wish};
 use common::rig::{FORWARD, Rig};
+use common::servos::{self, AXES, Far, drives};
 use common::wire::{Device, Script, Wire, frame, healthy, values};
 use common::{Document, MODES, fast, ms, until};
+use puente_cell::can::Cell;
 use puente_framed::Reason;
 use puente_modbus::Mode;
 use puente_modules::Control;
@@ -99,6 +102,31 @@ fn an_axis_whose_commander_left_while_the_wire_was_pulled_is_stopped_when_it_is_
     rig.wire.plug();
     until("x stands", || !rig.turns());
     assert!(rig.wire.pdus(1).contains(&write_pdu(FORWARD, 0)));
+}
+
+/// The adapter of a CAN bus, on a serial device or behind a TCP port. Another bus goes on.
+#[test]
+fn a_can_adapter_that_is_unplugged_is_told_by_its_axes_and_used_again_when_it_is_back() {
+    for wire in [Wire::pty, Wire::tcp] {
+        let far = Far::new();
+        let adapter = wire(Adapter::new(Cell::new(drives())));
+        let mut rig = servos::Rig::with(adapter, 5_000, "", "", |document| far.settings(document));
+        rig.are_present(&AXES);
+        let mut commander = rig.turning();
+        far.turn(&mut commander);
+        let mut events = rig.client();
+        for command in ["set network 1", "set events bus 1"] {
+            assert_eq!(events.ask(&format!("[1] {command}")), "[1] OK");
+        }
+        rig.adapter.pull();
+        rig.is_refused("down", &mut commander);
+        assert_eq!(events.line(), "1 0 ERROR 304 #CAN init.");
+        far.goes_on(&mut commander);
+        rig.adapter.plug();
+        rig.comes_back(&mut commander);
+        far.goes_on(&mut commander);
+        assert_eq!(events.line(), "1 0 ERROR 305 #CAN active.");
+    }
 }
 
 /// A packet of dialect 7E is told so too, and goes when the line is back.

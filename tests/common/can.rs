@@ -6,6 +6,8 @@ use puente_canopen::lss::{self, Identity, Part};
 
 use puente_canopen::sdo::{Abort, Dictionary, Server};
 use puente_canopen::{Address, Frame, Id, NodeId};
+use puente_cell::can::bus::Counters;
+use puente_cell::live::can::{flags, states};
 use puente_line::Instant;
 use puente_slcan::{Command, Flags, Lines, Reply};
 
@@ -20,6 +22,12 @@ pub trait Bus: Send + 'static {
     /// The next frame of another.
     fn poll(&mut self, now: Instant) -> Option<Frame>;
     fn poll_at(&self) -> Option<Instant>;
+    /// The error counters of the gateway's controller.
+    fn counters(&self) -> Counters {
+        Counters::default()
+    }
+    /// What the gateway has sent and is not on the bus yet is forgotten.
+    fn discard(&mut self) {}
 }
 
 impl Bus for puente_cell::can::Cell {
@@ -34,6 +42,14 @@ impl Bus for puente_cell::can::Cell {
     fn poll_at(&self) -> Option<Instant> {
         Self::poll_at(self)
     }
+
+    fn counters(&self) -> Counters {
+        Self::counters(self, 0)
+    }
+
+    fn discard(&mut self) {
+        Self::discard(self, 0);
+    }
 }
 
 /// An SLCAN adapter.
@@ -41,27 +57,36 @@ pub struct Adapter<B> {
     pub bus: B,
     /// The frames of the gateway so far.
     pub frames: Vec<Frame>,
-    /// What it says of its controller.
+    /// What its flags say besides.
     pub flags: Flags,
     /// It obeys nothing, as one that has lost its bus.
     pub refuses: bool,
+    /// It tells how its controller is without being asked; flags it has anyway.
+    pub tells: bool,
+    told: Counters,
     lines: Lines,
     open: bool,
     replies: VecDeque<Reply>,
 }
 
 impl<B: Bus> Adapter<B> {
-    /// An adapter on a wire.
-    pub fn wire(bus: B) -> Wire<Self> {
-        Wire::new(Self {
+    pub fn new(bus: B) -> Self {
+        Self {
             bus,
             frames: Vec::new(),
             flags: Flags::default(),
             refuses: false,
+            tells: true,
+            told: Counters::default(),
             lines: Lines::new(),
             open: false,
             replies: VecDeque::new(),
-        })
+        }
+    }
+
+    /// An adapter on a wire.
+    pub fn wire(bus: B) -> Wire<Self> {
+        Wire::new(Self::new(bus))
     }
 }
 
@@ -81,13 +106,14 @@ impl<B: Bus> Device for Adapter<B> {
                     Reply::Taken { extended: matches!(frame.id(), Id::Extended(_)) }
                 }
                 None | Some(Command::Send(_)) => Reply::Refused,
-                Some(Command::Flags) => Reply::Flags(self.flags),
+                Some(Command::Flags) => Reply::Flags(Flags(self.flags.0 | flags(self.bus.counters()).0)),
                 Some(Command::Version) => Reply::Version { hardware: 1, software: 1 },
                 Some(Command::Open | Command::Listen) => {
                     self.open = true;
                     Reply::Done
                 }
                 Some(Command::Close) => {
+                    self.bus.discard();
                     self.open = false;
                     Reply::Done
                 }
@@ -108,6 +134,11 @@ impl<B: Bus> Device for Adapter<B> {
             if bytes.len() > 512 {
                 break;
             }
+        }
+        let now = self.bus.counters();
+        let states = states(std::mem::replace(&mut self.told, now), now);
+        if self.open && self.tells {
+            bytes.extend(states.iter().flat_map(Reply::emit));
         }
         (!bytes.is_empty()).then_some(bytes)
     }

@@ -215,6 +215,12 @@ impl Lines {
         self.long()
     }
 
+    /// Waits until something of an answer has come.
+    #[track_caller]
+    pub fn begins(&mut self) {
+        assert!(!self.stream.fill_buf().expect("something").is_empty(), "ended");
+    }
+
     /// What comes to the next line end, with the line feeds that are in it.
     #[track_caller]
     pub fn long(&mut self) -> String {

@@ -10,6 +10,7 @@ pub mod framed;
 mod gateway;
 pub mod http;
 pub mod rig;
+pub mod servos;
 pub mod table;
 mod target;
 pub mod wire;
