@@ -4,6 +4,7 @@ mod client;
 #[path = "../common/mod.rs"]
 mod common;
 mod malformed;
+mod nodes;
 
 use client::Gateway;
 use common::{target, until};
