@@ -84,9 +84,7 @@ fn a_second_node_of_a_number_stops_its_axis_and_no_other() {
     rig.becomes(&mut commander, "v", "node", "present");
     rig.go_on(&mut commander, &[AXES[0], AXES[2]]);
     let mut next = rig.client();
-    for command in ["clear", "enable", "velocity 500"] {
-        next.ok(&format!("axis v {command}"));
-    }
+    rig.is_moved(&mut next, "v");
     rig.go_on(&mut commander, &[AXES[0], AXES[2]]);
 }
 

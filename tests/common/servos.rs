@@ -90,6 +90,12 @@ impl Rig {
         commander
     }
 
+    /// An axis that was stopped turns again: it may be stopped once more before.
+    pub fn is_moved(&self, client: &mut Lines, axis: &str) {
+        let mut ok = |command: &str| client.ask(&format!("axis {axis} {command}")).starts_with("ok");
+        until("it is moved", || ok("clear") && ok("enable") && ok("velocity 500"));
+    }
+
     /// The status of an axis comes to say this. Asking for it shows life.
     pub fn becomes(&self, client: &mut Lines, axis: &str, key: &str, what: &str) {
         until(what, || value(&client.ask(&format!("axis {axis} status")), key) == Some(what));
@@ -135,7 +141,10 @@ impl Rig {
             let status = client.ok(&format!("axis {axis} status"));
             let event = value(&status, "event");
             assert!(matches!(event, Some("drive-lost" | "stop-unconfirmed")), "{status}");
-            until("it stands", || self.velocity(id) == 0.0);
+            until("it stands, and has told so", || {
+                let status = client.ok(&format!("axis {axis} status"));
+                self.velocity(id) == 0.0 && value(&status, "state") != Some("operation-enabled")
+            });
         }
         let before = AXES.map(|(_, id)| self.machine_position(id));
         for _ in 0..20 {
@@ -147,11 +156,10 @@ impl Rig {
             }
         }
         assert_eq!(AXES.map(|(_, id)| self.machine_position(id)), before);
-        // Whoever has lost them has to keep still for a second; and each is stopped once more, when its turn comes.
+        // Whoever has lost them has to keep still for a second.
         let mut next = self.client();
         for (axis, id) in AXES {
-            let mut ok = |command: &str| next.ask(&format!("axis {axis} {command}")).starts_with("ok");
-            until("it is moved", || ok("clear") && ok("enable") && ok("velocity 500"));
+            self.is_moved(&mut next, axis);
             until("it turns", || {
                 next.ok("feed");
                 client.ok("feed");

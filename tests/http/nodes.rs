@@ -29,7 +29,8 @@ fn nodes_and_their_emergencies() {
     let all = "node name axis optional state health verdict heard_ms emergency duplicate objects";
     let mut all: Vec<_> = all.split(' ').collect();
     let mut found = keys(&node);
-    (all.sort_unstable(), found.sort_unstable());
+    all.sort_unstable();
+    found.sort_unstable();
     assert_eq!(found, all);
     assert_eq!((&node["axis"], &node["health"]), (&json!("v"), &json!("booted")));
     assert_eq!((&node["emergency"], &node["duplicate"]), (&json!(null), &json!(false)));
