@@ -63,7 +63,8 @@ fn a_megabyte_is_read_while_1_percent_of_the_frames_is_lost() {
     // A block whose end is lost costs a time-out.
     assert_eq!(client.ask("[2] set sdo_timeout 50"), "[2] OK");
     let read = client.ask_long("[3] 5 r 0x2000 0");
-    assert!(read == format!("[3] {}", hex(&data)), "it ends with {:?}", read.get(read.len() - 60..));
+    let end = read.get(read.len().saturating_sub(60)..);
+    assert!(read == format!("[3] {}", hex(&data)), "it ends with {end:?}");
     let (totals, segments) = (adapter.device().bus.totals(), data.len().div_ceil(7) as u64);
     assert!(totals.frames > segments && totals.dropped > segments / 200, "{totals:?}");
 }
@@ -87,7 +88,7 @@ fn long_values_are_written_while_1_percent_of_the_frames_is_lost() {
         assert!(node.object(DOMAIN.index, DOMAIN.sub) == data, "round {round}");
     }
     let totals = adapter.device().bus.totals();
-    assert!(totals.dropped > 40, "{totals:?}");
+    assert!(totals.dropped > totals.frames / 200, "{totals:?}");
 }
 
 /// Most bytes of a value that is written.
@@ -120,7 +121,9 @@ impl Zencan {
         (Self { asks, answers, said: VecDeque::new() }, told.recv().expect("a node"))
     }
 
+    /// Its clock is slow: of its own it gives a client 25 ms, which is less than a busy machine may need.
     fn hear(&mut self, now: Instant, frame: Option<Frame>) {
+        let now = Instant::from_micros(now.as_micros() / 100);
         self.asks.send((now, frame)).expect("a node");
         self.said.extend(self.answers.recv().expect("a node"));
     }
@@ -155,15 +158,18 @@ fn objects_of_another_implementation_are_read_and_written() {
         assert_eq!(client.ask(&format!("[2] 5 w 0x2000 0 hex {}", hex(&data))), "[2] OK", "{size}");
         assert!(*holds() == data, "{size}");
     }
-    for size in [1, 4, 5, 8, 888, 890, 1_780, if target().is_board() { 20_001 } else { 100_001 }] {
+    let longest = if target().is_board() { 890 } else { 100_001 };
+    let read = [1, 4, 5, 8, 240, 888, 890, 1_780, 100_001].into_iter().filter(|size| *size <= longest);
+    for size in read.clone() {
         *holds() = random(size as u32, size);
-        let read = client.ask("[3] 5 r 0x2000 0");
-        assert!(read == format!("[3] {}", hex(&holds())), "{size}: {} characters", read.len());
+        let told = client.ask_long("[3] 5 r 0x2000 0");
+        let end = told.get(told.len().saturating_sub(60)..);
+        assert!(told == format!("[3] {}", hex(&holds())), "{size}: it ends with {end:?}");
     }
     let device = adapter.device();
     let begun =
         |first| device.frames.iter().filter(|frame| frame.data().starts_with(&[first, 0, 0x20, 0])).count();
-    assert_eq!((begun(0xC6), begun(0xA4)), (written.count(), 8), "in blocks, each once");
+    assert_eq!((begun(0xC6), begun(0xA4)), (written.count(), read.count()), "in blocks, each once");
     drop(device);
     assert_eq!(client.ask("[4] 5 r 0x2001 0"), "[4] ERROR:0x06020000 #Object does not exist.");
     assert_eq!(
