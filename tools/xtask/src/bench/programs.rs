@@ -73,6 +73,28 @@ impl Cell {
     }
 }
 
+/// A cell of drives on a CAN bus of 1 Mbit/s, behind an SLCAN adapter on TCP.
+pub struct CanCell {
+    _running: Running,
+    /// The adapter.
+    pub address: SocketAddr,
+}
+
+impl CanCell {
+    /// With Lexium 23A of these node-IDs.
+    pub fn start(bench: &Bench, nodes: &[u8]) -> Result<Self, String> {
+        let mut command = Command::new(bench.programs.join("cell"));
+        command.args(["canopen", "--bitrate", "1000000", "--slcan", "127.0.0.1:0"]);
+        for node in nodes {
+            command.arg("--drive").arg(format!("{node}=lexium23a"));
+        }
+        let (running, ready) = Running::start(&mut command)?;
+        let address = ready.strip_prefix("slcan ").and_then(|address| address.parse().ok());
+        let address = address.ok_or_else(|| format!("the cell names no adapter: {ready}"))?;
+        Ok(Self { _running: running, address })
+    }
+}
+
 /// The gateway with one bus.
 pub struct Gateway {
     _running: Running,

@@ -71,7 +71,7 @@ const fn worst_cycle(axes: u32) -> u32 {
 
 fn rows(time: Duration) -> Result<[Row; 4], String> {
     let [three] = Row::measure([("three axes", &AXES, false)], time)?;
-    let [client] = Row::measure([("three axes, a client reads without a pause", &AXES, true)], time)?;
+    let [client] = Row::measure([("three axes, a client reads all the time", &AXES, true)], time)?;
     let six = [
         ("six axes on two buses at once: the first", &AXES[..], false),
         ("six axes on two buses at once: the second", &MORE, false),

@@ -1,6 +1,6 @@
 //! The page.
 
-use super::rig::{BITRATE, Figures, PERIOD};
+use super::rig::{BITRATE, Figures, PAUSE, PERIOD};
 use super::{Row, TIME, blocking, wire, worst_cycle};
 use crate::bench::samples::ms;
 use puente_canopen::Frame;
@@ -15,7 +15,9 @@ pub fn page(rows: &[Row]) -> String {
          Times are virtual, {} s a row, the same on every machine. Frames take the bits they have: stuff bits, and the\n\
          intermission of 3 bits after each.\n\n\
          A cycle is *missed* when a set-point or an answer of an axis is not between its SYNC and the next, or is there twice.\n\
-         The *load* is what the bus has counted; *computed* is the sum of the frames that its stations say they have sent.\n\n\
+         The *load* is what the bus has counted; *computed* is the sum of the frames that its stations say they have sent.\n\
+         The client asks again {} us after each answer. One that lost no time at all would leave the bus to nobody behind it:\n\
+         heartbeats come last, and their nodes would be taken for lost.\n\n\
          | bus | cycles | missed | load | computed | busy after SYNC, at most | SYNC waited, at most | from SYNC to SYNC |\n\
          |---|--:|--:|--:|--:|--:|--:|--:|\n{}\n\
          Six axes are driven at once in the same time: two buses, each with a master of its own, and SYNC of both in the same\n\
@@ -33,6 +35,7 @@ pub fn page(rows: &[Row]) -> String {
          they are on two.",
         ms(PERIOD),
         TIME.as_secs(),
+        PAUSE.as_micros(),
         rows.iter().map(row).collect::<String>(),
         rows.iter().map(shares).collect::<String>(),
         Frame::worst_bits(false, 8),
