@@ -29,11 +29,7 @@ impl Commander {
         timeout.map_err(|error| error.to_string())?;
         let mut commander = Self { stream: BufReader::new(stream), fed: Instant::now() };
         for axis in AXES {
-            commander.insist(&format!("axis {axis} enable"))?;
-        }
-        for axis in AXES {
-            let (target, velocity) = WAY;
-            commander.insist(&format!("axis {axis} move {target} {velocity}"))?;
+            commander.set_in_motion(axis)?;
         }
         Ok(commander)
     }
@@ -47,16 +43,20 @@ impl Commander {
         Ok(())
     }
 
-    /// Asks until it is done.
-    fn insist(&mut self, line: &str) -> Result<(), String> {
+    /// Asks until it moves: a machine that is held up may lose a drive in between.
+    fn set_in_motion(&mut self, axis: &str) -> Result<(), String> {
+        let (target, velocity) = WAY;
         let deadline = Instant::now() + PATIENCE;
         loop {
-            let reply = self.ask(line)?;
+            let mut reply = self.ask(&format!("axis {axis} enable"))?;
+            if reply.starts_with("ok") {
+                reply = self.ask(&format!("axis {axis} move {target} {velocity}"))?;
+            }
             if reply.starts_with("ok") {
                 return Ok(());
             }
             if Instant::now() > deadline {
-                return Err(format!("{line}: {reply}"));
+                return Err(reply);
             }
             std::thread::sleep(FEED);
         }

@@ -245,12 +245,13 @@ pub fn run() -> Outcome {
     let bench = super::modbus::build()?;
     let mut all = Who::Host.driving(&bench)?;
     all.push(Who::Host.alone(&bench)?);
-    all.extend(Who::Board.driving(&bench)?);
+    let board = Who::Board.driving(&bench)?;
+    let short = shortest(&board);
+    all.extend(board);
     all.push(Who::Board.alone(&bench)?);
     let rows = all.iter().map(Seen::row).collect::<Result<String, _>>()?;
     let bounds = BOUNDS.map(|bound| format!("{bound} us")).join(" | ");
     let serial = Duration::from_secs(1) * (10 * CYCLE as u32) / BAUD;
-    let short = shortest(&all);
     println!(
         "# The jitter of SYNC, in real time\n\n\
          `cargo xtask bench sync > docs/sync.md`\n\n\
@@ -280,16 +281,16 @@ pub fn run() -> Outcome {
     Ok(())
 }
 
-/// What a port that did not keep a period carried at most, and what that is for a cycle.
-fn shortest(all: &[Seen]) -> String {
-    let overloaded = all.iter().filter(|seen| seen.set_points > 0 && !seen.is_kept());
+/// What a board that did not keep a period carried at most, and what that is for a cycle.
+fn shortest(board: &[Seen]) -> String {
+    let overloaded = board.iter().filter(|seen| seen.set_points > 0 && !seen.is_kept());
     let most = overloaded.map(Seen::characters).fold(0.0, f64::max);
     if most == 0.0 {
         return String::new();
     }
     let cycle = Duration::from_secs_f64(CYCLE as f64 / most);
     format!(
-        " Where they are\nnot, no more than {most:.0} characters a second were carried: with these a cycle takes {} ms.",
+        " Where the\nboard does not keep a period it carries no more than {most:.0} characters a second: with these a cycle takes {} ms.",
         ms(cycle)
     )
 }
