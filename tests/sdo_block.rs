@@ -60,8 +60,8 @@ fn lossy(data: Vec<u8>) -> Cell {
 fn a_megabyte_is_read_while_1_percent_of_the_frames_is_lost() {
     let data = random(1, if target().is_board() { 20_000 } else { 1_000_000 });
     let (adapter, _gateway, mut client) = rig(lossy(data.clone()));
-    // A block whose end is lost costs a time-out.
-    assert_eq!(client.ask("[2] set sdo_timeout 50"), "[2] OK");
+    // A block whose end is lost costs a time-out. The usual one of 500 ms: on a busy machine 50 ms have passed before an answer
+    // had its turn, and an acknowledgement that is repeated for nothing is one out of sequence.
     let read = client.ask_long("[3] 5 r 0x2000 0");
     let end = read.get(read.len().saturating_sub(60)..);
     assert!(read == format!("[3] {}", hex(&data)), "it ends with {end:?}");
@@ -74,7 +74,7 @@ fn a_megabyte_is_read_while_1_percent_of_the_frames_is_lost() {
 #[test]
 fn long_values_are_written_while_1_percent_of_the_frames_is_lost() {
     let (adapter, _gateway, mut client) = rig(lossy(Vec::new()));
-    assert_eq!(client.ask("[2] set sdo_timeout 50"), "[2] OK");
+    assert_eq!(client.ask("[2] set sdo_timeout 200"), "[2] OK");
     let mut failed = 0;
     for round in 0..40 {
         let data = random(round, most());
