@@ -9,7 +9,7 @@ use std::net::{SocketAddr, TcpListener, TcpStream};
 
 use common::can::{Adapter, Nodes, Objects, await_open};
 use common::wire::Wire;
-use common::{Document, Gateway, client};
+use common::{Document, Gateway, client, until};
 
 /// A port that was free a moment ago: 0 means that there is no such door.
 fn free() -> u16 {
@@ -25,6 +25,8 @@ fn rig(frames: &str) -> (Wire<Adapter<Nodes>>, Gateway, [SocketAddr; 2]) {
         .canopen("can", &adapter, &format!("heartbeat_ms = 0\nclient_frames = \"{frames}\""))
         .start();
     await_open(&gateway);
+    // What that has said is through.
+    until("it is said", || adapter.device().frames.iter().any(|frame| frame.id().raw() == 0x7E5));
     (adapter, gateway, [slcan, socketcand].map(|port| SocketAddr::from(([127, 0, 0, 1], port))))
 }
 

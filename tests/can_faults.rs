@@ -5,7 +5,7 @@ mod common;
 
 use common::can::Adapter;
 use common::http::insist;
-use common::servos::{AXES, Far, Rig, drive, drives};
+use common::servos::{AXES, Far, Rig, drive, drives, patient};
 use common::until;
 use puente_canopen::{Address, NodeId};
 use puente_cell::can::{Cell, Fault};
@@ -95,7 +95,7 @@ fn an_sdo_server_that_dies_in_a_transfer_holds_nobody_up() {
     let bytes: Vec<u8> = (0..2_000_u32).map(|at| at as u8).collect();
     let mut config = drives();
     config.drives[1].domains = vec![(long, bytes.clone()), (short, bytes[..100].to_vec())];
-    let rig = Rig::with(Adapter::wire(Cell::new(config)), 5_000, "", "", |document| document);
+    let rig = Rig::with(Adapter::wire(Cell::new(config)), 5_000, "", "", patient);
     rig.are_present(&AXES);
     let whole: String = bytes.iter().map(|byte| format!("{byte:02X} ")).collect();
     let mut commander = rig.turning();

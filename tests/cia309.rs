@@ -179,7 +179,8 @@ fn node_ids_are_given_over_the_bus() {
     let who = "0x00000179 0x00000002 0x00010000 0x0000ABCD";
     let mut client = Lines::connect(gateway.main);
     for (command, reply) in [
-        ("_lss_fastscan", who),
+        // A busy machine answers late, and a late answer is none.
+        ("_lss_fastscan 200", who),
         ("lss_switch_glob 0", "OK"),
         ("lss_switch_sel 0x179 2 0x10000 0xABCD", "OK"),
         ("lss_inquire_addr", who),
@@ -196,7 +197,7 @@ fn node_ids_are_given_over_the_bus() {
     }
     adapter.device().bus.slave.as_mut().expect("a slave").id = 255;
     assert_eq!(client.ask("[3] lss_switch_glob 0"), "[3] OK");
-    let found = client.ask_long("[4] lss_allnodes 50 9 1");
+    let found = client.ask_long("[4] lss_allnodes 200 9 1");
     assert_eq!(found, format!("# Node-ID 9 assigned to: {who}\n# Found 1 nodes, search finished.\n[4] OK"));
     assert_eq!(adapter.device().bus.slave.as_ref().map(|slave| slave.id), Some(9));
 }

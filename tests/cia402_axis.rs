@@ -8,8 +8,8 @@ use std::thread;
 use common::can::Adapter;
 use common::client::{connect, value};
 use common::http::insist;
-use common::servos::{AXES, Rig, drives};
-use common::{Document, ms, until};
+use common::servos::{AXES, Rig, drives, patient};
+use common::{ms, until};
 use puente_canopen::{Frame, Id};
 use puente_cell::can::{Cell, DriveFault, Fault};
 use puente_drives::cia402::State;
@@ -19,12 +19,6 @@ use serde_json::json;
 impl Rig {
     /// Axes that move by set-points with every SYNC.
     fn cyclic(lease_ms: u32) -> Self {
-        // Whoever holds the machine up takes no drive for lost.
-        let patient = |document| {
-            AXES.iter().fold(document, |document: Document, (_, id)| {
-                document.node("can", *id, "heartbeat_ms = 4000")
-            })
-        };
         let adapter = Adapter::wire(Cell::new(drives()));
         let rig = Self::with(adapter, lease_ms, "sync_us = 10000", "cyclic = \"ip\"", patient);
         rig.are_present(&AXES);

@@ -29,9 +29,14 @@ pub fn drives() -> Config {
     AXES.iter().fold(Config::new(1_000_000), |config, (_, id)| config.with(drive(*id)))
 }
 
+/// A machine that is held up takes no drive for lost.
+pub fn patient(document: Document) -> Document {
+    AXES.iter().fold(document, |document, (_, id)| document.node("can", *id, "heartbeat_ms = 1000"))
+}
+
 impl Rig {
     pub fn new(lease_ms: u32) -> Self {
-        let rig = Self::start(lease_ms, "", |document| document);
+        let rig = Self::start(lease_ms, "", patient);
         rig.are_present(&AXES);
         rig
     }

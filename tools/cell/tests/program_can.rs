@@ -92,6 +92,12 @@ fn clients_of_both_kinds_are_on_one_bus() {
         pcap.to_str().expect("a path"),
     ]);
     let (mut slcan, mut socketcand) = (program.connect(), program.connect());
+    // Its boot-up is over before they listen.
+    let mut node = String::new();
+    while !node.contains("pre-operational") {
+        node = program.type_line("status");
+        assert!(program.line().starts_with("ok frames="));
+    }
     assert_eq!(socketcand.until(">"), "< hi >");
     socketcand.say("< open can0 >< rawmode >");
     assert_eq!(socketcand.until(">") + &socketcand.until(">"), "< ok >< ok >");
