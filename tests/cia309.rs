@@ -207,7 +207,7 @@ fn node_ids_are_given_over_the_bus() {
 fn lss_nodes_have_as_long_as_the_client_says() {
     let (adapter, gateway) = rig(|nodes| nodes);
     let questions = || adapter.device().frames.iter().filter(|frame| frame.data()[0] == 0x51).count();
-    for (at, command) in ["_lss_fastscan0", "lss_allnodes 2000"].into_iter().enumerate() {
+    for (at, command) in ["_lss_fastscan 2000", "lss_allnodes 2000"].into_iter().enumerate() {
         let before = questions();
         let mut client = Lines::connect(gateway.main);
         client.send(&format!("[1] {command}"));
