@@ -81,8 +81,10 @@ pub fn run(arguments: &[String]) -> Outcome {
         println!("{:<44}{:>9}  {spread:<17}{echoes:>6.2}{shown:>9}", transaction.name, figure(quartile));
         table += &format!("| {} | {} | {spread} | {echoes:.2} |\n", transaction.name, figure(quartile));
         match before {
-            Some(before) if !is_more(quartile, before) => {}
-            Some(before) => more.push(format!("{}: {quartile} instructions, not {before}", transaction.name)),
+            Some(before) if !is_more(least, before) => {}
+            Some(before) => {
+                more.push(format!("{}: {least} instructions at least, not {before}", transaction.name));
+            }
             None => more.push(format!("{}: not in the table", transaction.name)),
         }
     }
@@ -114,11 +116,11 @@ fn is_more(now: u64, before: u64) -> bool {
 fn look(rig: &Rig, transaction: &Transaction, before: Option<u64>) -> Result<Cost, String> {
     let mut cost = measure(rig, transaction)?;
     for _ in 0..SECOND_LOOKS {
-        if !before.is_some_and(|before| is_more(cost.quartile, before)) {
+        if !before.is_some_and(|before| is_more(cost.least, before)) {
             break;
         }
         let again = measure(rig, transaction)?;
-        if again.quartile < cost.quartile {
+        if again.least < cost.least {
             cost = again;
         }
     }
