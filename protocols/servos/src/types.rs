@@ -187,7 +187,7 @@ impl fmt::Display for Node {
             Self::Present => f.write_str("present"),
             Self::Lost => f.write_str("lost"),
             Self::Duplicate => f.write_str(
-                "duplicate: two nodes have its node-ID; give one of them another, then reset the node",
+                "duplicate: two nodes have its node-ID; give one of them another, then switch both off and on",
             ),
             Self::Refused(verdict) => write!(f, "refused: {verdict}"),
             Self::Unfit(complaint) => write!(f, "refused: {complaint}"),

@@ -193,7 +193,11 @@ impl Cell {
         let seat = self.ports + at;
         match fault {
             Fault::Die => self.bus.set_present(seat, false),
-            Fault::Reset | Fault::Id(_) => self.bus.set_present(seat, true),
+            // Off and on: what it still had to send is gone. Two of one node-ID would collide with it for ever.
+            Fault::Reset | Fault::Id(_) => {
+                self.bus.set_present(seat, false);
+                self.bus.set_present(seat, true);
+            }
             Fault::BusOff => self.bus.switch_off(seat),
             Fault::Babble(frame, time) => self.bus.babble(seat, frame, self.now + time),
             _ => {}
