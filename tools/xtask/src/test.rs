@@ -80,7 +80,7 @@ fn firmware_lints() -> Outcome {
 }
 
 fn tests() -> Outcome {
-    run_command(cargo().args(["test", "--workspace", "--quiet"]))
+    run_command(cargo().args(["test", "--workspace", "--no-fail-fast", "--quiet"]))
 }
 
 fn documentation() -> Outcome {
