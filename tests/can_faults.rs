@@ -6,7 +6,7 @@ mod common;
 use common::can::Adapter;
 use common::http::insist;
 use common::servos::{AXES, Far, Rig, drive, drives, patient};
-use common::until;
+use common::{ms, until};
 use puente_canopen::{Address, NodeId};
 use puente_cell::can::{Cell, Fault};
 use serde_json::json;
@@ -55,6 +55,8 @@ fn a_second_node_of_a_number_stops_its_axis_and_no_other() {
     let mut commander = rig.turning();
     let mut events = rig.client();
     assert_eq!(events.ask("[1] set events heartbeat 1"), "[1] OK");
+    // Two that say the same at the same time cannot be told from one.
+    rig.suffer(9, Fault::Slow(ms(20)));
     rig.suffer(9, Fault::Id(node(3)));
     rig.becomes(&mut commander, "v", "node", "duplicate");
     rig.becomes(&mut commander, "v", "lease", "none");
