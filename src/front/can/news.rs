@@ -232,8 +232,7 @@ mod tests {
     use crate::bus::canopen::{Exchange, Room};
     use crate::desk::{BusSpec, CanBus, CanSpec, Desk, Units};
 
-    /// All of them: an SLCAN adapter, as the scenarios of tests have it, does not tell that its controller is off the bus. Those of
-    /// boards and SocketCAN do.
+    /// All of them, also those that an SLCAN adapter tells by its flags alone or not at all.
     #[test]
     fn every_state_of_the_port_has_its_number() {
         let desk: &'static Desk = Box::leak(Box::new(const { Desk::new() }));
